@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from koord.api.results import ArgumentError
 from koord.api.stories import Story, of_refused, of_step, of_verdict, story
 from koord.api.story_page import Stories, ToldClaim, ToldReport, page_of
-from koord.api.verdict_documents import claim_form, report_form
+from koord.api.verdict_documents import claim_form
 from koord.traces import story_form
 
 if TYPE_CHECKING:
@@ -81,20 +81,7 @@ def _told(report: VerifyReport, parts: Parts, stories: list[story_form.Story]) -
         stated = verdict.found.claim.stated
         text = "" if stated is None else _stated(report, stated.span.line, stated.span.file)
         claims.append(ToldClaim(form, verdict.rule, text, list(range(first, len(stories)))))
-    left_out: dict[str, list[str]] = {}
-    with parts.enduring("what claims do not depend on"):
-        left_out = report.cones.left_out
-    form_of_all = report_form(
-        report.problem,
-        report.report,
-        report.bounds,
-        [],
-        found_invariants=report.found_invariants,
-        failures=(*report.failures, *parts.failures),
-        left_out=left_out,
-        rests_on=report.rests_on,
-        execution_times=report.execution_times,
-    )
+    form_of_all = report.form_of([], parts)
     texts = [story_form.StoryText(s.name, s.text) for s in report.program.sources]
     return ToldReport(str(report.problem), form_of_all, claims, texts)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from koord.api.verdicts import Verdict
 from koord.semantics.configurations import NO_EVENT
-from koord.traces.changes import Change, changes
+from koord.traces.changes import changes
 from koord.traces.names import Names
 from koord.traces.trace import Trace
 
@@ -45,13 +45,9 @@ def _rows(trace: Trace) -> Iterator[str]:
             "–" if event is None or event == NO_EVENT else system.agent(robot).events[event].name
             for robot, event in enumerate(round_.events)
         ]
-        changed = ", ".join(map(_told, changes(names, *trace.configurations[number : number + 2])))
+        found = changes(names, *trace.configurations[number : number + 2])
+        changed = ", ".join(change.told() for change in found)
         yield " | ".join([f"| {number + 1}", *ran, f"{_cell(changed)} |"])
-
-
-def _told(change: Change) -> str:
-    where = "" if change.robot is None else f"@{change.robot}"
-    return f"{change.name}{where}: {change.old} → {change.new}"
 
 
 def _cell(text: str) -> str:

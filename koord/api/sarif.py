@@ -303,11 +303,7 @@ def _steps(verdict: Verdict, run: Counterexample) -> Iterator[forms.Location]:
             before = after
             yield _location(file, f"the start: {', '.join(_values(names, after))}")
             continue
-        found = [
-            f"{one.name}{'' if one.robot in (None, step.robot) else f'@{one.robot}'}: "
-            f"{one.old} → {one.new}"
-            for one in changes(names, before, after)
-        ]
+        found = [one.told(step.robot) for one in changes(names, before, after)]
         before = after
         if found or step.event is not None:
             what = ", ".join(found) or "nothing changes"

@@ -6,7 +6,7 @@ the words of the verdict, what the compiled program does, why a loop is fair.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from msgspec import to_builtins
@@ -80,10 +80,10 @@ def story(found: Trace | RunReport | ReplayReport | Verdict) -> Story:
         case ReplayReport():
             return of_replay(found)
         case _:
-            stories = of_verdict(found)
-            if not stories:
+            told = next(of_verdict(found), None)
+            if told is None:
                 raise ArgumentError("found", f"{found.name} has no counterexample to tell of")
-            return stories[0]
+            return told
 
 
 def _title(trace: Recorded) -> str:
@@ -93,11 +93,11 @@ def _title(trace: Recorded) -> str:
 # --- verdicts -------------------------------------------------------------------------------------
 
 
-def of_verdict(verdict: Verdict) -> list[Story]:
-    """The stories of a verdict's counterexamples, one for each way to break the claim."""
+def of_verdict(verdict: Verdict) -> Iterator[Story]:
+    """Tell a verdict's counterexamples, one for each way to break the claim, as they are wanted."""
     first = verdict.found.counterexample
     runs = () if first is None else (first, *verdict.found.others)
-    return [_counterexample(verdict, run, k, len(runs)) for k, run in enumerate(runs, start=1)]
+    return (_counterexample(verdict, run, k, len(runs)) for k, run in enumerate(runs, start=1))
 
 
 def _counterexample(verdict: Verdict, run: Counterexample, number: int, of: int) -> Story:
@@ -233,7 +233,7 @@ def of_refused(trace: Recorded, refused: Refused) -> Story:
     return Story(told)
 
 
-def _differing(changes: Iterable[Change] | Sequence[Change]) -> list[forms.DifferingValue]:
+def _differing(changes: Iterable[Change]) -> list[forms.DifferingValue]:
     return [
         forms.DifferingValue(change.robot, change.name, change.old, change.new)
         for change in changes

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import json
-import re
 from html import escape
-from importlib.resources import files
 from typing import Literal
 
 from msgspec import to_builtins
 
 from koord.api import verdict_forms
+from koord.sim.page_files import filled
 from koord.syntax.forms import Form, Natural
 from koord.traces import story_form
 
-#: The scripts of the page, in their order: those of every page, and its own.
-_COMMON = ("dom",)
-_OWN = ("telling", "lanes", "turns", "why", "world", "texts", "overview", "main")
+#: The parts of the script, in their order.
+_SCRIPTS = ("dom", "telling", "lanes", "turns", "why", "world", "texts", "overview", "main")
 
 
 class ToldClaim(Form):
@@ -58,18 +56,4 @@ def page_of(title: str, shown: Stories) -> str:
     """The page of some stories, complete in itself."""
     # In a script nothing ends it but `</`, and nothing else begins a comment but `<!`.
     data = json.dumps(to_builtins(shown), separators=(",", ":"))
-    common = files("koord.sim") / "page"
-    own = files("koord.api") / "page"
-
-    def script(name: str) -> str:
-        folder = common if name in _COMMON else own
-        return (folder / f"{name}.js").read_text("utf-8")
-
-    parts = {
-        "title": escape(title),
-        "style": (common / "theme.css").read_text("utf-8") + (own / "style.css").read_text("utf-8"),
-        "script": '"use strict";\n' + "\n".join(map(script, (*_COMMON, *_OWN))),
-        "data": data.replace("<", "\\u003c"),
-    }
-    template = (own / "page.html").read_text("utf-8")
-    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], template)
+    return filled("koord.api", title, _SCRIPTS, data.replace("<", "\\u003c"))

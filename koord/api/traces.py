@@ -94,11 +94,7 @@ class Trace(Result, frozen=True):
                 for robot, event in enumerate(round_.events)
             ]
             before, after = configurations[number : number + 2]
-            changed = [
-                f"{change.name}{'' if change.robot is None else f'@{change.robot}'}: "
-                f"{change.old} → {change.new}"
-                for change in changes(names, before, after)
-            ]
+            changed = [change.told() for change in changes(names, before, after)]
             rows.append((number + 1, *ran, ", ".join(changed)))
         columns = ("round", *(f"robot {robot}" for robot in range(system.robots)), "changes")
         return html_table(repr(self), columns, rows)

@@ -250,9 +250,12 @@ class VerifyReport(Result, frozen=True):
 
     def form(self, parts: Parts) -> forms.Report:
         """The report as JSON has it, see :meth:`to_dict`; ``parts`` records details that fail."""
+        return self.form_of([verdict.form(parts) for verdict in self.verdicts], parts)
+
+    def form_of(self, claims: list[forms.Claim], parts: Parts) -> forms.Report:
+        """The same with these claims."""
         from koord.api.verdict_documents import report_form
 
-        claims = [verdict.form(parts) for verdict in self.verdicts]
         left_out: dict[str, list[str]] = {}
         with parts.enduring("what claims do not depend on"):
             left_out = self.cones.left_out

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from koord.api.fairness import Fair
 from koord.api.verdicts import Verdict
 from koord.cli.diagnostics import place
-from koord.cli.tables import RunTable, ShownStep, repeats
+from koord.cli.tables import RunTable, ShownStep
 from koord.cli.terminal import Paint, Style, visible
 from koord.semantics.configurations import NO_EVENT, Configuration
 from koord.semantics.domain import Constant
@@ -17,6 +17,7 @@ from koord.traces.changes import Change
 from koord.traces.fairness import told
 from koord.traces.json_reader import shortened
 from koord.traces.names import Names
+from koord.traces.rendering import repeats
 from koord.verify.verdicts import BrokenStep, Counterexample
 
 if TYPE_CHECKING:

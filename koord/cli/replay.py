@@ -16,13 +16,14 @@ from koord.cli.counterexamples import rerun_lines, told_apart
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
 from koord.cli.files import check_writable, name_of, read_program, read_written
-from koord.cli.tables import Rounds, RunTable, repeats
+from koord.cli.tables import Rounds, RunTable
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.violations import claim_lines, does
 from koord.semantics.recordings import Step
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import counted
 from koord.traces.names import Names
+from koord.traces.rendering import repeats
 from koord.traces.replay import Refused
 from koord.traces.trace import BEFORE_ROUNDS, Trace
 

@@ -24,7 +24,7 @@ from koord.semantics.storage import Storage
 from koord.syntax.system import System
 from koord.traces.changes import Change, changes
 from koord.traces.names import Named, Names
-from koord.traces.rendering import UNSET, show_fraction, show_output, show_storage
+from koord.traces.rendering import UNSET, repeats, show_fraction, show_output, show_storage
 
 if TYPE_CHECKING:
     from koord.api.run import MadeRound, TakenStep
@@ -103,10 +103,10 @@ class RunTable(Struct):
         rows = []
         for number, event in enumerate(ran):
             own = [change for change in found if change.robot == number]
-            pieces = tuple(_told(change, of=number) for change in own)
+            pieces = tuple(change.told(number) for change in own)
             if event or pieces:
                 rows.append(_Row(self._robot(number), event or "skip", pieces))
-        shared = tuple(_told(change, of=None) for change in found if change.robot is None)
+        shared = tuple(change.told() for change in found if change.robot is None)
         if shared:
             rows.append(_Row("all", "", shared))
         yield from self._laid_out(rows or [_Row("all", "", ("nothing changes",))])
@@ -228,7 +228,7 @@ class RunTable(Struct):
         step = shown.step
         assert step.robot is not None
         who = self._robot(step.robot)
-        pieces = [_told(change, of=step.robot) for change in found]
+        pieces = [change.told(step.robot) for change in found]
         ran = step.event if step.event is not None else "skip"
         if shown.lost is not None:
             pieces.insert(0, f"{shown.lost} lost its lock")
@@ -237,7 +237,7 @@ class RunTable(Struct):
         return _Row(who, ran, tuple(pieces), tuple(_written(step.stepped.output)))
 
     def _of_environment(self, step: Step, found: list[Change]) -> _Row:
-        pieces = [_told(change, of=None) for change in found]
+        pieces = [change.told() for change in found]
         broken = [
             f"contract {c.name} of robot {robot} is broken" for robot, c in step.stepped.promises
         ]
@@ -326,20 +326,6 @@ def _insert_skips(rows: list[_Row], skipped: list[str]) -> None:
         who = ", ".join(skipped)
         who = who if len(who) <= _WIDEST_WHO else f"{len(skipped)} robots"
         rows.insert(at, _Row(who, "skip", (), paint=Paint.GUTTER))
-
-
-def repeats(recording: Recording) -> str:
-    """Describe the rounds of a lasso that repeat; rounds count from 1."""
-    assert recording.loop is not None
-    first, last = recording.loop + 1, len(recording.rounds)
-    which = f"round {first} repeats" if first == last else f"rounds {first} to {last} repeat"
-    return f"{which} for ever"
-
-
-def _told(change: Change, of: int | None) -> str:
-    """A change in words; with its robot, where that is not plain from the row."""
-    whose = "" if change.robot in (None, of) else f"@{change.robot}"
-    return f"{change.name}{whose}: {change.old} → {change.new}"
 
 
 def _held(named: Iterable[Named], storages: Iterable[Storage[Constant]]) -> Iterator[str]:

@@ -249,7 +249,7 @@ def said(verdict: Verdict) -> str:
             assert verdict.counterexample is not None
             found = verdict.counterexample
             if found.recording.loop is not None:
-                from koord.cli.tables import repeats
+                from koord.traces.rendering import repeats
 
                 return f"violated: {repeats(found.recording)}"
             where = f"in round {found.round}" if found.round else "at the start"

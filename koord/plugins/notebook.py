@@ -62,8 +62,8 @@ def load(shell: InteractiveShell) -> None:
 
 def _shown(verdict: Verdict) -> str:
     """A verdict for a notebook: the page of the run that breaks the claim, if there is one."""
-    stories = of_verdict(verdict)
-    return stories[0]._repr_html_() if stories else verdict._repr_html_()
+    told = next(of_verdict(verdict), None)
+    return verdict._repr_html_() if told is None else told._repr_html_()
 
 
 def answer(shell: InteractiveShell, line: str, cell: str | None) -> Result:

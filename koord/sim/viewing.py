@@ -7,17 +7,15 @@ The page is the one that a finished run is kept in; what it shows comes as packs
 from __future__ import annotations
 
 import base64
-import html
-import re
 import threading
 import time
 import zlib
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from importlib.resources import files
 from ipaddress import ip_address
 from typing import Any, BinaryIO
 
 from koord.sim.packing import pack
+from koord.sim.page_files import filled
 from koord.sim.run_log import LogSizes, RunLog
 
 #: The parts of the script, in their order; each may use what stands in those before it.
@@ -72,17 +70,7 @@ class PartPage:
 
 
 def _page(program: str, data: str) -> bytes:
-    parts = {
-        "title": html.escape(f"{program} – a run"),
-        "style": _text("theme.css") + _text("style.css"),
-        "script": '"use strict";\n' + "\n".join(_text(f"{name}.js") for name in _SCRIPTS),
-        "data": data,
-    }
-    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _text("page.html")).encode()
-
-
-def _text(name: str) -> str:
-    return (files("koord.sim") / "page" / name).read_text("utf-8")
+    return filled("koord.sim", f"{program} – a run", _SCRIPTS, data).encode()
 
 
 #: Nobody else is to see the run: only this machine.

@@ -25,6 +25,11 @@ class Change(Struct, frozen=True):
     old: str
     new: str
 
+    def told(self, of: int | None = None) -> str:
+        """The change in words; with its robot, where that is not plain: not robot ``of``."""
+        whose = "" if self.robot in (None, of) else f"@{self.robot}"
+        return f"{self.name}{whose}: {self.old} → {self.new}"
+
 
 def changes(
     names: Names, before: Configuration[Constant], after: Configuration[Constant]

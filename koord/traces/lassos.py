@@ -130,11 +130,16 @@ def _timeless(configuration: Configuration[Constant]) -> Configuration[Constant]
 # --- the property ---------------------------------------------------------------------------------
 
 
+def rule_of(stated: core.Property) -> str:
+    """The rule of a property of runs without end."""
+    return "PROP-EVENTUALLY" if stated.trigger is None else "PROP-LEADS-TO"
+
+
 def _unbroken(lasso: Lasso, stated: core.Property) -> Iterator[Flaw]:
     """Yield a flaw unless the lasso breaks the property, of some robot if it is about each.
     [PROP-LEADS-TO]
     """
-    rule = "PROP-EVENTUALLY" if stated.trigger is None else "PROP-LEADS-TO"
+    rule = rule_of(stated)
     if stated.kind not in LIVENESS:
         yield Flaw(rule, f"{stated.name} is not about runs without end")
     elif _is_open(lasso.system, stated):

@@ -6,6 +6,7 @@ import math
 from fractions import Fraction
 
 from koord.semantics.domain import Constant
+from koord.semantics.recordings import Recording
 from koord.semantics.storage import Cell, Storage
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax.types import (
@@ -146,3 +147,11 @@ def _show_double(value: float) -> str:
         return str(int(value))
     exact = repr(value)
     return exact if len(exact) <= 9 else f"{ROUNDED}{value:.6g}"
+
+
+def repeats(recording: Recording) -> str:
+    """Describe the rounds of a lasso that repeat; rounds count from 1."""
+    assert recording.loop is not None
+    first, last = recording.loop + 1, len(recording.rounds)
+    which = f"round {first} repeats" if first == last else f"rounds {first} to {last} repeat"
+    return f"{which} for ever"

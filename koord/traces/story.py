@@ -19,10 +19,12 @@ from koord.syntax import core
 from koord.syntax.source import NOWHERE, Span, is_whole_file
 from koord.syntax.system import System
 from koord.syntax.types import POS
-from koord.traces.lassos import able_in
+from koord.traces.lassos import able_in, rule_of
 from koord.traces.names import Names, variables
-from koord.traces.rendering import show_output
+from koord.traces.rendering import repeats, show_output
 from koord.traces.story_form import (
+    FORMAT,
+    VERSION,
     Moment,
     Story,
     StoryEnding,
@@ -66,13 +68,13 @@ def story_of(
     first = _first_told(steps)
     told = steps[first:]
     before = steps[first - 1].configuration if first else None
-    moments = list(_moments(trace, table, told, before))
+    places = partial(_place, frozenset(source.name for source in trace.sources.texts))
+    moments = list(_moments(trace, table, told, before, places))
     world = _world(system, table)
     tracks = tracks_of(trace, told, steps) if tracked and told else []
-    places = partial(_place, frozenset(source.name for source in trace.sources.texts))
     return Story(
-        format="koord-story",
-        version=1,
+        format=FORMAT,
+        version=VERSION,
         title=title or (violation.name if violation is not None else "a run"),
         program=trace.sources.program.name,
         about=str(trace.problem),
@@ -142,8 +144,8 @@ def story_of_step(
         [],
     )
     return Story(
-        format="koord-story",
-        version=1,
+        format=FORMAT,
+        version=VERSION,
         title=f"{stated.name}: a step that breaks it",
         program=sources.program.name,
         about=about,
@@ -190,13 +192,12 @@ def _moments(
     table: RowTable,
     steps: Iterable[Step],
     before: Configuration[Constant] | None,
+    places: Callable[[Span], StoryPlace | None],
 ) -> Iterator[Moment]:
     """The steps as moments; the table's texts are those before the first one, at the end."""
-    told = {source.name for source in trace.sources.texts}
     system, d = trace.system, trace.numbers.domain
-    opening = list(table.texts_of(before)) if before is not None else None
-    if opening is not None:
-        table.texts[:] = opening
+    if before is not None:
+        table.texts[:] = table.texts_of(before)
     start = list(table.texts)
     for step in steps:
         after = step.configuration
@@ -206,8 +207,8 @@ def _moments(
             changes = []
         event = None
         if step.event is not None and step.robot is not None:
-            names = [e.name for e in system.agent(step.robot).events]
-            event = names.index(step.event)
+            events_of = system.agent(step.robot).events
+            event = next(k for k, e in enumerate(events_of) if e.name == step.event)
         blocked = None
         if step.rule == "SKIP" and before is not None and before.taken:
             assert step.robot is not None
@@ -229,16 +230,16 @@ def _moments(
                 f"contract {contract.name} of robot {robot}"
                 for robot, contract in step.stepped.promises
             ],
-            fault=_fault(after.fault, frozenset(told)),
+            fault=_fault(after.fault, places),
         )
         before = after
     table.texts[:] = start
 
 
-def _fault(fault: Fault | None, files: frozenset[str]) -> StoryFault | None:
+def _fault(fault: Fault | None, places: Callable[[Span], StoryPlace | None]) -> StoryFault | None:
     if fault is None:
         return None
-    return StoryFault(fault.kind.value, fault.robot, _place(files, fault.span), fault.detail)
+    return StoryFault(fault.kind.value, fault.robot, places(fault.span), fault.detail)
 
 
 def _place(files: frozenset[str], span: Span) -> StoryPlace | None:
@@ -297,7 +298,6 @@ def _ending(
     if not told:
         return done
     last, violation, fault = told[moment], trace.violation, told[-1].configuration.fault
-    rounds = len(trace.recording.rounds)
     if fault is not None:
         whose = "" if fault.robot is None else f" of robot {fault.robot}"
         return replace(
@@ -312,16 +312,12 @@ def _ending(
         )
     if trace.recording.loop is not None:
         stated = stated_in(trace)
-        first = trace.recording.loop + 1
-        which = (
-            f"round {first} repeats" if first == rounds else f"rounds {first} to {rounds} repeat"
-        )
         named = "" if stated is None else f"{stated.name} is broken: "
         return replace(
             done,
             kind="loop",
-            headline=f"{named}{which} for ever",
-            rule="" if stated is None else _live_rule(stated),
+            headline=f"{named}{repeats(trace.recording)}",
+            rule="" if stated is None else rule_of(stated),
             place=None if stated is None else places(stated.span),
         )
     if violation is not None:
@@ -354,10 +350,6 @@ _RULES = {
     ViolationKind.CONTRACT: "PROP-CONTRACT",
     ViolationKind.LOST_UPDATE: "LOST-UPDATE",
 }
-
-
-def _live_rule(stated: core.Property) -> str:
-    return "PROP-EVENTUALLY" if stated.trigger is None else "PROP-LEADS-TO"
 
 
 def when(step: Step) -> str:

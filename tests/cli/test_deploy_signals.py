@@ -52,6 +52,8 @@ sys.exit(main(sys.argv[1:]))
 
 #: What is told of a run that is under way.
 UNDER_WAY = r"round ([3-9]|\d\d)"
+#: The same, of a run of three robots that all take part.
+TOGETHER = rf"{UNDER_WAY}; 0 ; 1 ; 2 $"
 
 #: Nothing here takes long; who waits longer than this waits for ever.
 PATIENCE_S = 60.0
@@ -238,7 +240,7 @@ def test_a_run_that_has_lost_its_majority_ends_with_a_summary(tmp_path: Path) ->
 
 def test_a_robot_that_is_killed_is_restarted_and_told_of(tmp_path: Path) -> None:
     with command(tmp_path, 3, *ALL, "--rounds", "40", "--restart") as run:
-        run.wait_for(UNDER_WAY)
+        run.wait_for(TOGETHER)
         os.kill(run.robots[-1], signal.SIGKILL)
         run.wait_for("2 .*restarted once")
         code, out = run.ended()

@@ -22,7 +22,7 @@ SHOWN = (
     Mutant(
         "late rounds begin with the values of the start",
         "traces.story._moments",
-        "table.texts[:] = opening",
+        "table.texts[:] = table.texts_of(before)",
         "pass",
         (STORY,),
     ),

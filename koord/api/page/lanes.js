@@ -179,8 +179,7 @@ class Lanes {
   }
 }
 
-/** Events have colours by their position; the text on them is dark or light. */
+/** Events have colours by their position. */
 function paintEvent(element, event) {
   element.style.setProperty("--colour", `var(--e${event % 6})`);
-  element.style.setProperty("--on", "var(--panel)");
 }

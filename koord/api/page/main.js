@@ -187,7 +187,7 @@ class Page {
     by("forth", () => { this.play(false); this.step(1); });
     by("play", () => this.play());
     by("break", () => this.toBreak());
-    by("theme", () => this.switchTheme());
+    by("theme", switchTheme);
     by("help", () => byId("keys").showModal());
     by("up", (event) => { event.preventDefault(); location.hash = ""; });
     byId("slider").addEventListener("input", (event) => { this.play(false); this.go(Number(event.target.value)); });
@@ -209,7 +209,7 @@ class Page {
       n: () => this.another(1),
       p: () => this.another(-1),
     };
-    const anywhere = { d: () => this.switchTheme(), "?": () => byId("keys").showModal() };
+    const anywhere = { d: switchTheme, "?": () => byId("keys").showModal() };
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     const action = (this.view && inStory[key]) || anywhere[key];
     if (!action) return;
@@ -222,18 +222,10 @@ class Page {
     const to = this.at + by;
     if (this.shown.stories[to]) location.hash = `story=${to}`;
   }
-
-  switchTheme() {
-    const root = document.documentElement;
-    root.dataset.theme = root.dataset.theme === "dark" ? "light" : "dark";
-    themed.clear();
-  }
 }
 
 function begin() {
-  const root = document.documentElement, dark = window.matchMedia("(prefers-color-scheme: dark)");
-  root.dataset.theme = dark.matches ? "dark" : "light";
-  dark.addEventListener("change", () => { root.dataset.theme = dark.matches ? "dark" : "light"; });
+  followTheme();
   window.page = new Page(JSON.parse(byId("data").textContent));
 }
 

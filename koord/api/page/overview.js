@@ -23,9 +23,8 @@ function fairnessOf(names) {
 }
 
 class Overview {
-  constructor(shown, open) {
+  constructor(shown) {
     this.shown = shown;
-    this.open = open;
   }
 
   draw() {

@@ -8,7 +8,6 @@ class Telling {
     this.moments = story.moments;
     this.rounds = []; // {number, turns: [position of moment]}
     this.kept = [];
-    this.lastMoved = new Map(); // row -> last position seen
     const values = story.rows.map((row) => row.start);
     this.moving = new Set(); // rows that ever change
     this.moments.forEach((moment, k) => {
@@ -38,7 +37,7 @@ class Telling {
     return position > 0 ? this.valuesAfter(position - 1) : this.kept[0];
   }
 
-  /** The last turn of a round up to a position, or null if the round comes later. */
+  /** The last turn of a round. */
   endOf(round) { return round.turns[round.turns.length - 1]; }
 
   /** Where positions were at a turn: row -> [x, y, z]. */

@@ -25,8 +25,7 @@ class Why {
         parts.push(made("p", { class: "quiet" }, "Nobody asks here."), made("code", {}, track.text));
         continue;
       }
-      const after = one.moment === position ? "" : ` (asked after ${telling.words(one.moment)})`;
-      parts.push(made("p", { class: "statement quiet" }, `after round ${telling.moments[one.moment].round}, ${telling.words(one.moment)}${after ? "" : ""}:`));
+      parts.push(made("p", { class: "statement quiet" }, `after round ${telling.moments[one.moment].round}, ${telling.words(one.moment)}:`));
       parts.push(made("ul", { class: "tree" }, node(one.formula, 0)));
     }
     if (story.loop) parts.push(...this.loop(story.loop));

@@ -8,6 +8,25 @@ function theme(name) {
   return themed.get(name);
 }
 
+/** Light where it is dark, and dark where it is light. */
+function switchTheme() {
+  const { dataset } = document.documentElement;
+  dataset.theme = dataset.theme === "dark" ? "light" : "dark";
+  themed.clear();
+}
+
+/** As light as the system is, now and when that changes. */
+function followTheme(changed = () => {}) {
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const follow = () => { document.documentElement.dataset.theme = dark.matches ? "dark" : "light"; };
+  follow();
+  dark.addEventListener("change", () => {
+    follow();
+    themed.clear();
+    changed();
+  });
+}
+
 const shortName = (path) => path.split(/[\\/]/).pop();
 
 /** A new element with attributes and children. */

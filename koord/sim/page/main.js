@@ -82,13 +82,11 @@ class Page {
   }
 
   switchTheme() {
-    const root = document.documentElement;
-    root.dataset.theme = root.dataset.theme === "dark" ? "light" : "dark";
+    switchTheme();
     this.changedTheme();
   }
 
   changedTheme() {
-    themed.clear();
     hatching = null;
     this.map.forget();
     this.map.ground.key = "";
@@ -309,9 +307,7 @@ class Page {
 }
 
 async function begin() {
-  const root = document.documentElement;
-  const dark = window.matchMedia("(prefers-color-scheme: dark)");
-  root.dataset.theme = dark.matches ? "dark" : "light";
+  followTheme(() => window.page?.changedTheme());
   const text = byId("data").textContent;
   if (text.trim() === "packs") {
     document.addEventListener("DOMContentLoaded", readPacks);
@@ -320,10 +316,6 @@ async function begin() {
   } else {
     listenLive();
   }
-  dark.addEventListener("change", () => {
-    root.dataset.theme = dark.matches ? "dark" : "light";
-    window.page?.changedTheme();
-  });
 }
 
 /** A page of a run that was cut off: its packs stand behind the page, and the last may be broken. */
