@@ -72,13 +72,13 @@ def initialised(
     turns = [initial_turn(d, system, i, store, inputs) for i in range(system.robots)]
     final = store
     output: list[Written[V]] = []
-    found = _first(d, faults)
+    found = first_fault(d, faults)
     for i in order if order is not None else range(system.robots):
-        _check(d, turns[i].legality)
+        check_legality(d, turns[i].legality)
         final = committed(d, final, turns[i])
         if found is None:
             output += _shown(d, turns[i])
-            found = _first(d, turns[i].faults)
+            found = first_fault(d, turns[i].faults)
     robots = tuple(replace(t.robot, copy=final, turn=Turn.PROG) for t in turns)
     return Stepped(Configuration(robots, final, 0, fault=found), tuple(output))
 
@@ -167,8 +167,8 @@ def run_event(
     selectable, turned = program_turn(d, system, robot, state, position, inputs)
     if d.known(selectable) is not True:
         raise IllegalStepError("SELECT", f"the pre of {name} does not hold for robot {robot}")
-    _check(d, turned.legality)
-    found = _first(d, turned.faults)
+    check_legality(d, turned.legality)
+    found = first_fault(d, turned.faults)
     if found is not None:
         return Stepped(replace(configuration, fault=found), _shown(d, turned))
     entered = frozenset(c for c, condition in turned.entered.items() if d.known(condition) is True)
@@ -205,8 +205,8 @@ def evolved(
     broken: list[tuple[int, core.Contract]] = []
     for i, state in enumerate(configuration.robots):
         turned: Evolved[V] = environment_turn(d, system, i, state, inputs)
-        _check(d, turned.legality)
-        found = found or _first(d, turned.faults)
+        check_legality(d, turned.legality)
+        found = found or first_fault(d, turned.faults)
         broken += [(i, contract) for kept, contract in turned.promises if d.known(kept) is False]
         robots.append(replace(state, ports=turned.ports, copy=configuration.store, turn=Turn.PROG))
     if found is not None:
@@ -249,12 +249,12 @@ def _with(robots: tuple[Robot[V], ...], robot: int, state: Robot[V]) -> tuple[Ro
     return (*robots[:robot], state, *robots[robot + 1 :])
 
 
-def _first(d: Domain[V], faults: Iterable[tuple[V, Fault]]) -> Fault | None:
+def first_fault(d: Domain[V], faults: Iterable[tuple[V, Fault]]) -> Fault | None:
     """The first fault that happened, in order of evaluation, or None. [FAULT]"""
     return next((fault for condition, fault in faults if d.known(condition) is True), None)
 
 
-def _check(d: Domain[V], legality: Iterable[Legality[V]]) -> None:
+def check_legality(d: Domain[V], legality: Iterable[Legality[V]]) -> None:
     """Check that recorded answers are possible ones. [CHOOSE] [EXTERNAL] [ENV-CONTRACT]"""
     for needed in legality:
         if d.known(needed.condition) is not True:

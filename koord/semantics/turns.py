@@ -63,13 +63,13 @@ def declared(
     m.memory.allread = list(allread)
     m.memory.allwrite = [unset(d, entry.variable.type, robots) for entry in program.allwrite]
     for entry in program.allwrite:
-        start = _starting(m, entry, entry.variable.type, inputs, None)
+        start = starting(m, entry, entry.variable.type, inputs, None)
         if start is not None:
             m.memory.allwrite[entry.variable.slot] = start
     return Store(allread, tuple(m.memory.allwrite)), tuple(m.faults)
 
 
-def _starting(
+def starting(
     m: Machine[V],
     entry: core.Declaration,
     type_: Type,
@@ -100,20 +100,20 @@ def initial_turn(
         bound=agent.init_bound,
     )
     for port in agent.ports:
-        start = _starting(m, port.declaration, port.declaration.variable.type, inputs, robot)
+        start = starting(m, port.declaration, port.declaration.variable.type, inputs, robot)
         if start is not None:
             m.memory.ports[port.declaration.variable.slot] = start
     for entry in agent.locals:
-        start = _starting(m, entry, entry.variable.type, inputs, robot)
+        start = starting(m, entry, entry.variable.type, inputs, robot)
         if start is not None:
             m.memory.locals[entry.variable.slot] = start
     for entry in system.program.allread:
-        _start_own_entry(m, entry, inputs, robot)
+        start_own_entry(m, entry, inputs, robot)
     run(m, agent.init)
-    return _turned(m, robot, Status.RUNNING, NO_EVENT, None)
+    return turned_by(m, robot, Status.RUNNING, NO_EVENT, None)
 
 
-def _start_own_entry(m: Machine[V], entry: core.Declaration, inputs: Inputs[V], robot: int) -> None:
+def start_own_entry(m: Machine[V], entry: core.Declaration, inputs: Inputs[V], robot: int) -> None:
     """Set the robot's own entry of an allread variable to its start. [INIT] [ALLREAD]"""
     variable = entry.variable
     assert isinstance(variable.type, ArrayType)
@@ -161,7 +161,7 @@ def program_turn(
     for fault, _ in m.faults:
         broken = m.either(broken, fault)
     run(m, event.effect)
-    return m.either(holds, broken), _turned(m, robot, None, position, state)
+    return m.either(holds, broken), turned_by(m, robot, None, position, state)
 
 
 def skip_turn(d: Domain[V], state: Robot[V]) -> Turned[V]:
@@ -185,7 +185,7 @@ def _machine_for(
     )
 
 
-def _turned(
+def turned_by(
     m: Machine[V], robot: int, status: Status | None, ran: int, before: Robot[V] | None
 ) -> Turned[V]:
     """The result of a turn, from the machine's memory and logs. [END-EVENT] [STOP]"""

@@ -16,6 +16,7 @@ from tests.mutants.catalogue_lanes import LANES
 from tests.mutants.catalogue_liveness import LIVENESS
 from tests.mutants.catalogue_old_forms import OLD_FORMS
 from tests.mutants.catalogue_progress import PROGRESS
+from tests.mutants.catalogue_reloading import RELOADING
 from tests.mutants.catalogue_runs import RUNS
 from tests.mutants.catalogue_shown import SHOWN
 from tests.mutants.catalogue_tools import TOOLS
@@ -207,14 +208,14 @@ SEMANTICS = (
     ),
     Mutant(
         "who asks to stop has stopped",
-        "semantics.turns._turned",
+        "semantics.turns.turned_by",
         "Status.ASKED",
         "Status.STOPPED",
         (RUN,),
     ),
     Mutant(
         "stop only asks",
-        "semantics.turns._turned",
+        "semantics.turns.turned_by",
         "Status.STOPPED",
         "Status.ASKED",
         (RUN,),
@@ -1006,6 +1007,7 @@ MUTANTS = (
     *JUDGING,
     *COLUMNS,
     *LANES,
+    *RELOADING,
     *RUNS,
     *CERTIFIED,
     *EXPORTED,
