@@ -154,7 +154,16 @@ class Code:
         type_ = ir.FunctionType(I64, [I64] * len(arguments)).as_pointer()
         return self.b.call(self.b.inttoptr(address, type_), list(arguments))
 
+    def called_real(self, address: Ir, arguments: Sequence[Ir]) -> Ir:
+        """Call a function of doubles at an address; its result is a double."""
+        type_ = ir.FunctionType(F64, [F64] * len(arguments)).as_pointer()
+        return self.b.call(self.b.inttoptr(address, type_), list(arguments))
+
     # --- memory ---------------------------------------------------------------------------------
+
+    def pointer(self, address: Ir) -> Ir:
+        """The block at an address that is a number."""
+        return self.b.inttoptr(address, BYTES)
 
     def at(self, block: Ir, offset: Ir | int) -> Ir:
         """The address some bytes behind a block's start."""

@@ -18,11 +18,20 @@ from koord.machine import is_installed
 from koord.runtime.lazily import Lazily
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.automaton import Visit
-from koord.runtime.motion.bodies import Body, Drone, Level, PlannerName, Steering, type_of
+from koord.runtime.motion.bodies import (
+    Body,
+    Drone,
+    Level,
+    Pace,
+    PlannerName,
+    Steering,
+    type_of,
+)
 from koord.runtime.motion.driving import Legs, Measured
 from koord.runtime.motion.group import TICK_S, Group
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import PlanningEffort, Touched
+from koord.runtime.motion.routes import Routes
 from koord.runtime.motion.workers import Workers
 from koord.runtime.motion.world import World
 from koord.runtime.plugins.calls import PlugIn
@@ -192,16 +201,26 @@ def squad(
         len(start),
         body,
         world,
-        planner(model.planner, world, body, model.effort),
+        planner(model.planner, world, body, model.effort, is_quick=is_installed()),
         model.visit,
         _planning(seeds),
         takes_s=model.plan_takes_s,
         # A planner of a lab's own may remember what it did.
         workers=None if isinstance(model.planner, PlugIn) else engines.workers,
+        routes=_routes(body),
     )
     setup = SquadSetup(model, start, heading_rad, engines, group, *_disturbing(seeds))
     made: Squad = import_module(type_of(body).simulator).squad(setup)
     return made
+
+
+def _routes(body: Body) -> Callable[[int, Pace], Routes]:
+    """What makes routes: those of cars are measured by machine code where there is llvmlite."""
+    if not (body.pace.reverses and is_installed()):
+        return Routes
+    from koord.runtime.motion.compiled_routes import routes_of_cars
+
+    return routes_of_cars
 
 
 def reseed(squad: Squad, seeds: Sequence[Seed]) -> None:

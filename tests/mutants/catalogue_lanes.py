@@ -9,8 +9,45 @@ FLYING = "tests/sim/test_compiled_flying.py"
 SQUADS = "tests/sim/test_squad_kernel.py"
 STANDING = "tests/sim/test_compiled_standing.py"
 MEASURING = "tests/sim/test_compiled_measuring.py"
+CURVES = "tests/runtime/motion/test_compiled_curves.py"
+ROUTES = "tests/runtime/motion/test_compiled_routes.py"
 
 LANES = (
+    Mutant(
+        "curves from the goal are sought from the start",
+        "runtime.motion.compiled_curves._write_shortest",
+        "(back_x, back_y) if kind.backwards else (x, y)",
+        "(x, y)",
+        (CURVES,),
+    ),
+    Mutant(
+        "cars turn about where the next piece of a curve begins",
+        "runtime.motion.compiled_curves._write_pieces",
+        "(body.get(curve, _UNTIL) + begin) / 2.0",
+        "begin",
+        (CURVES,),
+    ),
+    Mutant(
+        "direct ways of cars are free wherever a wall is",
+        "runtime.motion.compiled_curves._write_direct",
+        "body.leave(b.not_(body.number(0.0).is_below(free)))",
+        "pass",
+        (CURVES,),
+    ),
+    Mutant(
+        "corners at ends of legs are bends",
+        "runtime.motion.compiled_routes._find_bends",
+        "b.and_(ends, is_bend)",
+        "ends",
+        (ROUTES,),
+    ),
+    Mutant(
+        "machine code says that cars turn about where that hangs on the last bit",
+        "runtime.motion.compiled_routes._find_corners",
+        "body.leave(body.size(along - least).is_below(_CLOSE))",
+        "pass",
+        (ROUTES,),
+    ),
     Mutant(
         "a bound takes the place of what is no number",
         "machine.lanes.Lane._chosen",

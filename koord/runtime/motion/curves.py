@@ -28,10 +28,10 @@ SPACING_M = 0.15
 CHECK_M = 0.05
 
 #: Where a car turns about is known to half of this; so short a piece between two cusps is none.
-_CUSP_M = 1e-3
+CUSP_M = 1e-3
 
 #: What rounding takes from a distance.
-_ROUNDING_M = 1e-7
+ROUNDING_M = 1e-7
 
 
 class Curve(Struct, frozen=True):
@@ -93,10 +93,10 @@ def _pieces(
     step_x, step_y = to_x - x, to_y - y
     radius = curve.radius_m
     arc_m = 2 * radius * math.sin(min(length / (2 * radius), math.pi / 2))
-    if math.hypot(step_x, step_y) >= arc_m - _ROUNDING_M:
+    if math.hypot(step_x, step_y) >= arc_m - ROUNDING_M:
         ahead = step_x * math.cos(heading) + step_y * math.sin(heading) > 0
         return ((begin, end, 1 if ahead else -1),)
-    if length <= _CUSP_M:
+    if length <= CUSP_M:
         return ()
     half = (begin + end) / 2
     middle = half, curve.at(half)

@@ -7,7 +7,7 @@ steps the automata. What the robots' actuators are to do then is the business of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from msgspec import Struct
@@ -15,7 +15,7 @@ from msgspec import Struct
 from koord.runtime.motion import automaton
 from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.automaton import ROUNDING_S, MotionState, Orders, Visit
-from koord.runtime.motion.bodies import Body
+from koord.runtime.motion.bodies import Body, Pace
 from koord.runtime.motion.field import field
 from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.planning import (
@@ -66,17 +66,18 @@ class Group:
         room: Room = CLOSE,
         takes_s: float = 0.0,
         workers: Workers | None = None,
+        routes: Callable[[int, Pace], Routes] = Routes,
     ) -> None:
         """Make a group; ``seeds`` are the planners', one for each robot.
 
         ``room`` is what ways keep from walls and obstacles besides what the body needs, ``takes_s``
         the time that passes from asking a planner for a way until the way is there. ``workers``
-        plan meanwhile.
+        plan meanwhile. ``routes`` makes routes for so many robots of a pace.
         """
         self.body, self.world, self.planner, self.visit = body, world, planner, visit
         self.count = count
         self.automata = automaton.initial(count)
-        self.routes = Routes(count, body.pace)
+        self.routes = routes(count, body.pace)
         self.s: Floats = np.zeros(count)  #: how far along its route each robot is
         self.speed: Floats = np.zeros(count)  #: at which it is to move along it
         self.targets: dict[int, Point] = {}  #: for which there is no path yet

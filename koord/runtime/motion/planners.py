@@ -15,11 +15,14 @@ def planner(
     effort: PlanningEffort = PlanningEffort(),
     avoid_m: float = 0.25,
     room: Room = CLOSE,
+    *,
+    is_quick: bool = False,
 ) -> Planner:
     """The planner of a name. Raises KoordError if it needs a library that is not installed.
 
     ``avoid_m`` is the radius of what stands at a point to avoid, ``room`` what ways keep from walls
-    and obstacles besides what the body needs.
+    and obstacles besides what the body needs. Who ``is_quick`` finds by machine code what can be
+    found by it: the same ways.
     """
     ground = Ground(world, body, avoid_m, room)
     if isinstance(name, PlugIn):
@@ -31,5 +34,6 @@ def planner(
     from koord.runtime.motion.rrt import CurvePlanner, SpacePlanner
 
     if body.turning_m > 0:
-        return CurvePlanner(ground, effort, name.optimal, name is PlannerName.RRT_DUB_CAR)
+        forwards = name is PlannerName.RRT_DUB_CAR
+        return CurvePlanner(ground, effort, name.optimal, forwards, is_quick and not forwards)
     return SpacePlanner(ground, effort, name.optimal)

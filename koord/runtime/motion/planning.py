@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import Enum
+from functools import lru_cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -125,6 +126,12 @@ class Room(Struct, frozen=True):
 CLOSE = Room()
 
 
+@lru_cache(maxsize=16)
+def _field(world: World, *, flat: bool) -> Field:
+    """The field of a world, which is made once for all plans in it."""
+    return field(world, flat=flat)
+
+
 class Ground(Struct, frozen=True):
     """The planning problem: world, body, and the radius in m of what stands at avoided points."""
 
@@ -140,7 +147,7 @@ class Ground(Struct, frozen=True):
     def field(self, avoid: Sequence[Point]) -> Field:
         """The free space, with cylinders around the points to avoid."""
         if not avoid:
-            return field(self.world, flat=self.flat)
+            return _field(self.world, flat=self.flat)
         extra = tuple(Disc((x, y), self.avoid_m) for x, y, _ in avoid)
         return field(replace(self.world, obstacles=self.world.obstacles + extra), flat=self.flat)
 

@@ -17,8 +17,10 @@ from koord.runtime.motion.bodies import Pace
 from koord.runtime.motion.geometry import wrapped
 
 #: Paths of bends are given by points between which they turn by less than this.
-_CORNER_RAD = np.radians(25.0)
+CORNER_RAD = float(np.radians(25.0))
 
+#: Points that are no further apart are one.
+REPEATED_M = 1e-9
 
 #: So many segments about the one that a robot is on are looked at for the one that is nearest.
 WINDOW = 12
@@ -60,7 +62,7 @@ class Routes:
 
     def put(self, robot: int, path: Floats, heading_rad: float = 0.0) -> None:
         """Give a robot a path of at least one point; repeated points are dropped."""
-        kept = lengths(path[1:] - path[:-1]) > 1e-9
+        kept = lengths(path[1:] - path[:-1]) > REPEATED_M
         path = path if kept.all() else np.concatenate([path[:1], path[1:][kept]])
         segments = len(path) - 1
         self.given[robot] += 1
@@ -239,10 +241,10 @@ def _bends(way: Floats, length: Floats, leg: Ints) -> _Bends:
         starts[first + 1 : last], ends[first : last - 1] = at, at
         curvature[first + 1 : last] = bend
         # Where a bend begins or ends with its leg it is as bent there; a corner is no bend.
-        if abs(turn[0]) < _CORNER_RAD:
+        if abs(turn[0]) < CORNER_RAD:
             curvature[first] = bend[0]
             starts[first] = course[0] - bend[0] * lengths[0] / 2
-        if abs(turn[-1]) < _CORNER_RAD:
+        if abs(turn[-1]) < CORNER_RAD:
             curvature[last] = bend[-1]
             ends[last - 1] = course[-1] + bend[-1] * lengths[-1] / 2
     return _Bends(starts, wrapped(ends - starts), curvature)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from itertools import pairwise
 from threading import Lock
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from msgspec import Struct
@@ -26,6 +26,9 @@ from koord.runtime.motion.field import Field
 from koord.runtime.motion.libraries import missing
 from koord.runtime.motion.planning import Ground, PlanningEffort, Pose, suits
 from koord.runtime.motion.world import Point, World
+
+if TYPE_CHECKING:
+    from koord.runtime.motion.compiled_curves import DirectWays
 
 try:
     from ompl import base, geometric, util
@@ -149,18 +152,24 @@ class CurvePlanner(TreePlanner, frozen=True):
     """A planner for cars: RRT on Reeds–Shepp curves, or ``forwards`` alone on Dubins curves.
 
     Where a single curve is free it is the path; of those that end in some heading the shortest.
-    Points of a path are 0.15 m apart, with a point wherever the car reverses.
+    Points of a path are 0.15 m apart, with a point wherever the car reverses. Who ``is_quick`` asks
+    machine code first, which knows the same curves where nothing is near.
     """
 
     forwards: bool = False
+    is_quick: bool = False
 
     def _direct(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
         if math.dist(start.position, goal) < _HERE_M:
             return np.array([start.position, goal])
         body, z = self.ground.body, start.position[2]
+        need_m = max(far_m(body), keeps_m, self.ground.room.least_m)
+        if self.is_quick and not free.obstacles:
+            points = self._by_code(start, goal, need_m)
+            if points is not None:
+                return self._on_ground(points)
         enough = _keeping(free, start.position, goal, self.ground.room.least_m, keeps_m)
         fits = car_fits(free, body, start)
-        need_m = max(fits.far_m, keeps_m, self.ground.room.least_m)
 
         def spare_m(state: State) -> float:
             x, y, heading = state
@@ -203,6 +212,17 @@ class CurvePlanner(TreePlanner, frozen=True):
         fine = np.array([(s.getX(), s.getY(), s.getYaw()) for s in path.getStates()])
         return self._on_ground(spaced(fine))
 
+    def _by_code(self, start: Pose, goal: Point, need_m: float) -> Floats | None:
+        """The points of the shortest curve if all of it is that far from the edge; None: ask."""
+        ways = _direct_ways()
+        if ways is None:
+            return None
+        (x, y, _), world = start.position, self.ground.world
+        heading = math.remainder(start.heading_rad, 2 * math.pi)
+        radius_m = self.ground.body.turning_m * _WIDER
+        edges = (*world.low[:2], *world.high[:2])
+        return ways.find((x, y, heading), goal[:2], radius_m, edges, need_m)
+
     def _space(self) -> Any:
         """The space of a car's poses, with the shortest curve between any two."""
         made = base.DubinsStateSpace if self.forwards else base.ReedsSheppStateSpace
@@ -217,6 +237,13 @@ def _headings() -> tuple[float, ...]:
     """The headings in which a car may arrive."""
     headings = (2 * math.pi * k / _HEADINGS - math.pi for k in range(_HEADINGS))
     return tuple(math.remainder(heading, 2 * math.pi) for heading in headings)
+
+
+@cache
+def _direct_ways() -> DirectWays | None:
+    from koord.runtime.motion.compiled_curves import direct_ways
+
+    return direct_ways(_headings())
 
 
 def _curves(space: Any, start: Pose, goal: Point, radius_m: float) -> Iterator[Curve]:
@@ -348,20 +375,29 @@ class Fits(Struct, frozen=True):
     """Checks that a car fits: two discs cover it, half its length apart."""
 
     at: Callable[[float, float, float], bool]  #: at x, y, pointing in a direction in rad
-    far_m: float  #: with more clearance it fits wherever it points
+
+
+def far_m(body: Body) -> float:
+    """The clearance with which a car fits wherever it points."""
+    ahead_m, behind_m, reach = _discs(body)
+    return reach + max(abs(ahead_m), abs(behind_m)) + 1e-6
+
+
+def _discs(body: Body) -> tuple[float, float, float]:
+    """How far ahead and behind the two discs are that cover a car, and their radius with margin."""
+    length, width, middle = body.outline_m
+    half = length / 4
+    return middle + half, half - middle, math.hypot(half, width / 2) + MARGIN_M
 
 
 def car_fits(free: Field, body: Body, start: Pose) -> Fits:
     """Make checks that a car fits at places; where it starts it may be as near as it is."""
-    length, width, middle = body.outline_m
-    half = length / 4
-    reach = math.hypot(half, width / 2) + MARGIN_M
+    ahead_m, behind_m, reach = _discs(body)
     x0, y0, z = start.position
-    ahead_m, behind_m = middle + half, half - middle
     cos0, sin0 = math.cos(start.heading_rad), math.sin(start.heading_rad)
     front = _leaving(free, (x0 + ahead_m * cos0, y0 + ahead_m * sin0, z), reach)
     back = _leaving(free, (x0 - behind_m * cos0, y0 - behind_m * sin0, z), reach)
-    far = reach + max(abs(ahead_m), abs(behind_m)) + 1e-6
+    far = far_m(body)
 
     def fits(x: float, y: float, yaw: float) -> bool:
         if free.clearance(x, y, z) > far:
@@ -371,7 +407,7 @@ def car_fits(free: Field, body: Body, start: Pose) -> Fits:
             x - behind_m * cos, y - behind_m * sin, z
         )
 
-    return Fits(fits, far)
+    return Fits(fits)
 
 
 def _place(state: Any, position: Point, heading_rad: float) -> None:
