@@ -128,7 +128,7 @@ DRIVEN = (
     Mutant(
         "where a car turns about is looked for at points of its path only",
         "runtime.motion.curves._pieces",
-        "arc_m - _ROUNDING_M",
+        "arc_m - ROUNDING_M",
         "-1.0",
         (PLANNED,),
     ),
