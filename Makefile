@@ -5,6 +5,7 @@
 # make editors  test and pack the extension of VS Code; needs Node.js
 # make bench   the tables of benchmarks/
 # make docs    the documentation site, in build/site
+# make playground  koord in a browser, as a static page in build/playground; needs Node.js
 # make format  put the layout right
 
 PYTHON ?= python3
@@ -29,7 +30,7 @@ ATHERIS   := $(VENV)/.atheris
 BENCHMARKS := $(filter-out $(patsubst %,benchmarks/%.py,harness claiming every_number), \
 	$(sort $(wildcard benchmarks/*.py)))
 
-.PHONY: editors check format lint types test sample peers slow fuzz bench docs clean
+.PHONY: editors check format lint types test sample peers slow fuzz bench docs playground clean
 
 # Types are checked beside the tests: by themselves they would keep one core busy.
 check: lint
@@ -73,6 +74,10 @@ bench: $(INSTALLED)
 # A page that is missing, and a link or an anchor that leads nowhere, end it.
 docs: $(INSTALLED)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
+# what browsers have Python from comes from npm, and wheels for it from PyPI
+playground: $(INSTALLED)
+	$(BIN)/python -m playground
 
 format: $(INSTALLED)
 	$(BIN)/ruff format .

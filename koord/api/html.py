@@ -32,7 +32,10 @@ def html(
 
     >>> Path("task.html").write_text(koord.html(koord.verify("task.krd")))
     """
-    from koord.api.refinement import Refinement
+    from koord.api.replay import ReplayReport
+    from koord.api.run import RunReport
+    from koord.api.traces import Trace
+    from koord.api.verdicts import Verdict
     from koord.api.verify_report import VerifyReport
 
     match found:
@@ -40,10 +43,10 @@ def html(
             return found.to_html()
         case VerifyReport():
             return verification_page([found])
-        case Refinement():
-            return of_refinement(found).to_html()
-        case _:
+        case Trace() | RunReport() | ReplayReport() | Verdict():
             return story(found).to_html()
+        case _:  # a refinement, whose module loads robots and their networks
+            return of_refinement(found).to_html()
 
 
 def of_refinement(found: Refinement) -> Story:

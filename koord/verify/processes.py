@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
@@ -59,8 +60,8 @@ _TOLD_S, _ENDED_S, _SOONER_S = 0.2, 1.0, 0.2
 
 
 def can_fork() -> bool:
-    """Return whether processes can be forked."""
-    return hasattr(os, "fork")
+    """Return whether processes can be forked: not in browsers, where there are none."""
+    return hasattr(os, "fork") and sys.platform != "emscripten"
 
 
 class Job(Struct, Generic[T], eq=False):

@@ -12,6 +12,7 @@ import jsonschema
 import pytest
 
 import koord
+from koord.api.story_page import framed
 from koord.syntax.source import Source
 from tests.loading import EXAMPLES
 from tests.sim import browser
@@ -182,6 +183,20 @@ def test_verdicts_lead_to_their_runs_and_back(opened: Tab) -> None:
     opened.press("Escape")
     opened.until("page.view === null")
     assert text_of(opened, ".claims")
+
+
+@in_a_browser
+def test_verdicts_lead_to_their_runs_in_a_frame_too(
+    opened: Tab, tmp_path: Path, early: koord.VerifyReport
+) -> None:
+    """As notebooks and the playground show it: links there lead to the page around the frame."""
+    outer = tmp_path / "outer.html"
+    outer.write_text(framed(koord.html(early), "a verification"), encoding="utf-8")
+    opened.open(outer.as_uri(), "Boolean(document.querySelector('iframe'))")
+    frame = opened.shown_frame()
+    opened.ask("document.querySelector('.look').click()", session=frame)
+    opened.until("page.view !== null", session=frame)
+    assert opened.ask("location.hash", session=frame) == "#story=0"
 
 
 @in_a_browser

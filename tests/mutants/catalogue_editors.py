@@ -49,4 +49,11 @@ EDITORS = (
         "ord(character) > 0x10FFFF",
         ("tests/lsp/test_texts.py",),
     ),
+    Mutant(
+        "browsers have processes",
+        "verify.processes.can_fork",
+        "sys.platform != 'emscripten'",
+        "True",
+        ("tests/playground/test_answering.py",),
+    ),
 )

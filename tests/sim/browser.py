@@ -9,7 +9,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -29,19 +29,29 @@ def installed() -> str | None:
 
 
 class Tab:
-    """The one page of a browser. Whatever it complains of is in ``complaints``."""
+    """The one page of a browser. Whatever it complains of is in ``complaints``.
 
-    def __init__(self, socket: Connection) -> None:
-        self._socket, self._number = socket, 0
+    It may ask for nothing, but for what is ``own``: an address begins so.
+    """
+
+    def __init__(self, socket: Connection, own: str | None = None) -> None:
+        self._socket, self._number, self._own = socket, 0, own
         self.complaints: list[str] = []
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
         """A command of the Chrome DevTools protocol, and its result."""
+        return self._sent(method, parameters)
+
+    def _sent(
+        self, method: str, parameters: dict[str, Any], session: str | None = None
+    ) -> dict[str, Any]:
+        """The result of a command: to the page, or to the frame that a session is of."""
         self._number += 1
         number = self._number
-        self._socket.send(json.dumps({"id": number, "method": method, "params": parameters}))
+        sent: dict[str, Any] = {"id": number, "method": method, "params": parameters}
+        self._socket.send(json.dumps(sent | ({"sessionId": session} if session else {})))
         while True:
             message = json.loads(self._socket.recv(timeout=_PATIENCE_S))
             if message.get("id") == number:
@@ -60,27 +70,46 @@ class Tab:
             case "Log.entryAdded" if parameters["entry"]["level"] in ("error", "warning"):
                 self.complaints.append(json.dumps(parameters["entry"])[:600])
             case "Network.requestWillBeSent" if parameters["request"]["url"].startswith("http"):
-                self.complaints.append(f"asks for {parameters['request']['url']}")
+                url = parameters["request"]["url"]
+                if self._own is None or not url.startswith(self._own):
+                    self.complaints.append(f"asks for {url}")
             case _:
                 pass
 
-    def open(self, address: str) -> None:
-        """Open an address, and wait until its run is there."""
+    def open(self, address: str, until: str = "Boolean(window.page)") -> None:
+        """Open an address, and wait until its run is there, or what else is waited for."""
         self.call("Page.navigate", url=address)
-        self.until("Boolean(window.page)")
+        self.until(until)
 
-    def ask(self, expression: str) -> Any:
+    def ask(self, expression: str, *, session: str | None = None) -> Any:
         """The value of an expression; promises are waited for."""
-        found = self.call(
-            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
-        )
+        asked = {"expression": expression, "returnByValue": True, "awaitPromise": True}
+        found = self._sent("Runtime.evaluate", asked, session)
         assert "exceptionDetails" not in found, found
         return found["result"].get("value")
 
-    def until(self, condition: str) -> None:
+    def shown_frame(self, condition: str = "Boolean(window.page)") -> str:
+        """A session of the frame with a process of its own where a condition holds, once it does.
+
+        A frame that is taken away meanwhile is passed over.
+        """
+        end = time.monotonic() + _PATIENCE_S
+        while True:
+            for target in self.call("Target.getTargets")["targetInfos"]:
+                if target["type"] == "iframe":
+                    with suppress(AssertionError):
+                        found = self.call(
+                            "Target.attachToTarget", targetId=target["targetId"], flatten=True
+                        )
+                        session = str(found["sessionId"])
+                        if self.ask(condition, session=session):
+                            return session
+            assert time.monotonic() < end, f"no such frame: {condition}; {self.complaints}"
+
+    def until(self, condition: str, *, session: str | None = None) -> None:
         """Wait until a condition holds."""
         end = time.monotonic() + _PATIENCE_S
-        while not self.ask(condition):
+        while not self.ask(condition, session=session):
             assert time.monotonic() < end, f"not in time: {condition}; {self.complaints}"
 
     def press(self, key: str, *, shift: bool = False) -> None:
@@ -102,7 +131,9 @@ class Tab:
 
 
 @contextmanager
-def browser(path: str, width: int = 1400, height: int = 900) -> Iterator[Tab]:
+def browser(
+    path: str, width: int = 1400, height: int = 900, own: str | None = None
+) -> Iterator[Tab]:
     """A browser with one empty tab; it ends with the block."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         flags = [
@@ -121,7 +152,7 @@ def browser(path: str, width: int = 1400, height: int = 900) -> Iterator[Tab]:
         )
         try:
             with connect(_address(Path(folder), process), max_size=None) as socket:
-                tab = Tab(socket)
+                tab = Tab(socket, own)
                 tab.call(
                     "Emulation.setDeviceMetricsOverride",
                     width=width,

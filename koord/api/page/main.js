@@ -190,6 +190,13 @@ class Page {
     by("theme", switchTheme);
     by("help", () => byId("keys").showModal());
     by("up", (event) => { event.preventDefault(); location.hash = ""; });
+    // In a frame that shows this page by `srcdoc` a link leads to another page: that around it.
+    byId("content").addEventListener("click", (event) => {
+      const link = event.target.closest("a.look");
+      if (!link || event.ctrlKey || event.metaKey || event.shiftKey) return;
+      event.preventDefault();
+      location.hash = link.getAttribute("href");
+    });
     byId("slider").addEventListener("input", (event) => { this.play(false); this.go(Number(event.target.value)); });
     window.addEventListener("hashchange", () => this.fromAddress());
     document.addEventListener("keydown", (event) => this.pressed(event));

@@ -1,0 +1,48 @@
+// Links that carry a program: its text, packed, behind the # of the address, which no server sees.
+
+/** Longer texts are no programs that somebody wrote. */
+const MOST_BYTES = 1_000_000;
+
+async function through(stream, bytes, most = Infinity) {
+  const writer = stream.writable.getWriter();
+  const written = writer.write(bytes).then(() => writer.close());
+  written.catch(() => {}); // whoever reads is told
+  const parts = [];
+  let size = 0;
+  for (const reader = stream.readable.getReader(); ;) {
+    const { value, done } = await reader.read();
+    if (done) return new Uint8Array(await new Blob(parts).arrayBuffer());
+    parts.push(value);
+    size += value.length;
+    if (size > most) throw new RangeError("it is too long");
+  }
+}
+
+async function packed(text) {
+  const bytes = await through(new CompressionStream("deflate-raw"), new TextEncoder().encode(text));
+  let binary = "";
+  for (const byte of bytes) binary += String.fromCharCode(byte);
+  return btoa(binary).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
+}
+
+async function unpacked(text) {
+  const binary = atob(text.replaceAll("-", "+").replaceAll("_", "/"));
+  const bytes = await through(new DecompressionStream("deflate-raw"), Uint8Array.from(binary, (one) => one.charCodeAt(0)), MOST_BYTES);
+  return new TextDecoder("utf-8", { fatal: true }).decode(bytes);
+}
+
+/** What the address says behind its #: a program, or the name of an example, and numbers. */
+async function linked(hash) {
+  const said = new URLSearchParams(hash.replace(/^#/, ""));
+  const found = { example: said.get("example"), robots: said.get("robots"), rounds: said.get("rounds"), text: null };
+  if (said.has("program")) found.text = await unpacked(said.get("program"));
+  return found;
+}
+
+async function linkTo({ text, robots, rounds }) {
+  const said = new URLSearchParams();
+  if (robots) said.set("robots", robots);
+  said.set("rounds", rounds);
+  said.set("program", await packed(text));
+  return `${location.href.split("#")[0]}#${said}`;
+}
