@@ -28,6 +28,7 @@ from koord.sim.running import still_words as still_words
 from koord.sim.standing import StandingRobot
 from koord.syntax.diagnostics import Diagnostic
 from koord.syntax.problem import Problem
+from koord.syntax.source import Source
 from koord.traces.replay import Refused
 
 
@@ -62,6 +63,18 @@ def setup_of(fitted: Fitted) -> Setup:
         moves=moves(core),
         by_chance=unanswered(fitted),
     )
+
+
+class ProgramReloaded(Progress, frozen=True, kw_only=True):
+    """Progress: the program was edited. ``diagnostics`` say what was wrong with it, if anything.
+
+    ``accepted``: it goes on, and ``notes`` say which values are not kept.
+    """
+
+    accepted: bool
+    notes: tuple[str, ...] = ()
+    diagnostics: tuple[Diagnostic, ...] = ()
+    sources: tuple[Source, ...] = ()
 
 
 class Processes(Struct, frozen=True):

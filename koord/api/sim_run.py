@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
+from functools import partial
 from typing import TYPE_CHECKING
 
 from msgspec import Struct
@@ -23,10 +25,11 @@ from koord.api.sim_report import (
     setup_of,
     standing_words,
 )
-from koord.api.sim_setup import check_begun, limit_s
+from koord.api.sim_setup import check_begun, limit_s, next_program
 from koord.sim.running import Ending, Simulation, run
 
 if TYPE_CHECKING:
+    from koord.api.edits import Edits
     from koord.api.sim_trace import Tracing
 
 #: More robots that stand still are not told of while a run goes on.
@@ -44,11 +47,29 @@ class SimulationRequest(Struct, frozen=True):
     outputs: Outputs = Outputs()
     kernels: bool = True
     planners: int = 0  #: so many processes plan meanwhile
+    reload: bool = False  #: go on with edits of the program
+    edits: Edits | None = None  #: where these come from
 
     def check(self) -> None:
-        """Check that processes plan where they can. Raises ArgumentError."""
+        """Check what does not hang on the program. Raises ArgumentError."""
+        if self.reload:
+            self._check_reload()
         if not 0 <= self.planners <= MOST_JOBS:
             raise ArgumentError("planners", f"must be from 0 to {MOST_JOBS}, not {self.planners}")
+
+    def _check_reload(self) -> None:
+        if not self.outputs.live:
+            raise ArgumentError("reload", "only runs that are looked at take edits: say `live=`")
+        if self.processes:
+            raise ArgumentError("reload", "edits are taken in one process: leave out `processes=`")
+        if self.outputs.trace is not None:
+            raise ArgumentError("reload", "such a run has no trace yet: leave out `trace=`")
+
+    def limit_s(self, fitted: Fitted) -> float:
+        """When the run ends in simulated seconds; one that takes edits, if nobody says, never."""
+        if self.edits is not None and self.rounds is None and self.duration_s is None:
+            return math.inf
+        return limit_s(fitted, self.rounds, self.duration_s)
 
 
 def play(
@@ -61,7 +82,7 @@ def play(
 ) -> Simulated:
     """Run a simulation from INIT to its end. Raises KoordError where it may not begin so."""
     tell, is_cancelled = heard_by(progress), asker(cancellation)
-    limit = limit_s(fitted, request.rounds, request.duration_s)
+    limit = request.limit_s(fitted)
     began = time.perf_counter()
     if request.outputs.live or request.outputs.pace is not None:
         simulation.striding = None  # somebody looks at each round when it is over
@@ -70,9 +91,19 @@ def play(
         tracing.heard(first, simulation)
     check_begun(fitted, simulation)
     setup = setup_of(fitted)
+    reloading = None
+    if request.edits is not None:
+        from koord.api.reloading import Reloading
+
+        make = partial(
+            next_program, check_summaries=request.check_summaries, kernels=request.kernels
+        )
+        reloading = Reloading(fitted, simulation, request.edits, make, tell, tracing)
     tell(SimulationBegun("the run begins", setup=setup, processes=len(simulation.groups)))
     with growing(request.outputs, simulation, tracing, tell) as round_is_over:
         told = 0
+        if reloading is not None:
+            reloading.between_rounds()
         for decision in run(simulation, limit):
             tell(round_over(simulation))
             if tracing is not None:
@@ -81,6 +112,8 @@ def play(
             for one in simulation.noticed[told:_MOST_TOLD]:
                 tell(StandsStill(standing_words(one), standing=one))
             told = len(simulation.noticed)
+            if reloading is not None:
+                reloading.between_rounds()
             if is_cancelled():
                 simulation.end(Ending.INTERRUPTED)
     simulated = report_of(fitted, setup, simulation, time.perf_counter() - began)

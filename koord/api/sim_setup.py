@@ -20,7 +20,7 @@ from koord.runtime.configuration.reading import problem
 from koord.runtime.platform.world_host import ANSWERED
 from koord.runtime.ports import SIMULATED, plain_name
 from koord.sim.claims import Checked, Watching
-from koord.sim.running import Cast, Simulation, Striding
+from koord.sim.running import Cast, Claims, NextProgram, Simulation, Striding
 from koord.syntax import core
 from koord.syntax.collector import uncollected
 from koord.syntax.core import Direction
@@ -131,6 +131,37 @@ def simulation(
         one.hold(claims, made)
         made.claims.append(one)
     return made
+
+
+def next_program(
+    fitted: Fitted,
+    built: Built,
+    words: tuple[str, ...],
+    *,
+    check_summaries: bool = False,
+    kernels: bool = True,
+    tracing: Callable[[Host, Host], Host] | None = None,
+) -> NextProgram:
+    """Another program for a run in progress, as :func:`simulation` has the first. [RELOAD]
+
+    Raises KoordError.
+    """
+    checked: list[Checked] = []
+
+    def heard(world: Host) -> Host:
+        host = world
+        if check_summaries:
+            checked.append(Checked(world))
+            host = checked[0]
+        return host if tracing is None else tracing(host, world)
+
+    def claims(run: Simulation) -> list[Claims]:
+        for one in checked:
+            one.hold(built.claims, run)
+        return [Watching(built.claims, run), *checked]
+
+    cast = built.cast if kernels else replace(built.cast, turns=None)
+    return NextProgram(cast, heard, fallback(fitted), claims, words)
 
 
 def _striding(run: Simulation) -> Striding | None:

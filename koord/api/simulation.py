@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from os import PathLike, fspath
 
+from msgspec.structs import replace
+
 from koord.api.files import file_name, read_written
 from koord.api.fitting import Configurable, Fitted, fit, fit_request
 from koord.api.outputs import Outputs, View
@@ -43,6 +45,7 @@ def simulate(
     trace: str | PathLike[str] | None = None,
     live: bool = False,
     pace: float | None = None,
+    reload: bool = False,
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Simulated:
@@ -62,7 +65,9 @@ def simulate(
     Files are written where they are named: ``html`` (a page that shows the run, from above or, with
     ``view="3d"``, in space), ``record`` (``.mcap``, ``.rrd``, ``.rosbag2``), ``plot`` (``.png``,
     ``.svg``, ``.pdf``), ``trace``. ``live`` serves the page while the run goes on, ``pace`` times
-    as quickly as time goes by; ``progress`` hears of its address as ``PageServed``.
+    as quickly as time goes by; ``progress`` hears of its address as ``PageServed``. With
+    ``reload`` it goes on with the edited program whenever its file is saved, and ends when it is
+    cancelled, unless a limit is given; ``progress`` hears of it as ``ProgramReloaded``.
 
     Raises :class:`koord.KoordError` for what is wrong with the input.
 
@@ -81,14 +86,29 @@ def simulate(
     )
     outputs.check()
     request = SimulationRequest(
-        rounds, duration_s, keep_going, check_summaries, processes, outputs, kernels, planners
+        rounds,
+        duration_s,
+        keep_going,
+        check_summaries,
+        processes,
+        outputs,
+        kernels,
+        planners,
+        reload,
     )
     request.check()
     if schedule is None:
-        fitted = fit(fit_request(program, config, params, robots, seed, delta_s))
-        return simulate_fitted(fitted, request, progress, cancellation)
+        asked = fit_request(program, config, params, robots, seed, delta_s)
+        if reload:
+            from koord.api.edits import FileEdits
+
+            files = [one.name for one in (asked.source, *asked.properties)]
+            with FileEdits(asked, files) as edits:
+                request = replace(request, edits=edits)
+                return simulate_fitted(fit(asked), request, progress, cancellation)
+        return simulate_fitted(fit(asked), request, progress, cancellation)
     given = (config, params, robots, seed, delta_s, trace)
-    if processes or planners or any(one is not None for one in given):
+    if processes or planners or reload or any(one is not None for one in given):
         story = "a recorded run is played as it is: only its end and its outputs can be chosen"
         raise ArgumentError("schedule", story)
     from koord.api.rehearsal import rehearse

@@ -37,15 +37,18 @@ _FLAGS = {
     "numbers": "--numbers",
     "params": "--set",
     "preflight": "--preflight",
+    "processes": "--processes",
     "program": "--program",
     "properties": "--with",
     "record": "--record",
+    "reload": "--reload",
     "resume": "--resume",
     "rests_on": "--rests-on",
     "robots": "--robots",
     "runs": "--runs",
     "site": "--site",
     "splitting": "--splitting",
+    "trace": "--trace",
     "user": "--user",
 }
 _ARGUMENT = rf"`({'|'.join(_FLAGS)})=(?:'(\w+)')?`"

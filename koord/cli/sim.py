@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from koord.api.outputs import PLOTS, RECORDS, Outputs
 from koord.cli.arguments import (
@@ -31,7 +33,7 @@ from koord.cli.arguments import (
 )
 from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
-from koord.cli.files import read_program, read_written
+from koord.cli.files import DASH, read_program, read_written
 from koord.cli.terminal import visible
 
 if TYPE_CHECKING:
@@ -207,6 +209,12 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
         "it would",
     )
     parser.add_argument(
+        "--reload",
+        action="store_true",
+        help="with --live: go on with the edited program at the next round whenever its file is "
+        "saved; the run ends with Ctrl-C, unless --rounds or --time say when",
+    )
+    parser.add_argument(
         "--pace",
         metavar="FACTOR",
         type=pace,
@@ -279,6 +287,8 @@ def main(arguments: argparse.Namespace) -> int:
     else:
         _check_single(arguments)
         request.outputs.check()
+        if arguments.reload and DASH in _watched(arguments):
+            raise argparse.ArgumentTypeError("--reload needs files; standard input cannot change")
     report = DiagnosticReport()
     with nullcontext() if is_campaign else uncollected():  # many runs leave cycles behind
         wanted = fit_request(
@@ -293,9 +303,20 @@ def main(arguments: argparse.Namespace) -> int:
             return splitting(arguments, wanted, split, found.scene.seed)
         if is_campaign:
             return campaign(arguments, wanted, many, found.scene.seed)
-        with Shown(arguments) as shown:
+        with ExitStack() as stack:
+            if arguments.reload:
+                from koord.api.edits import FileEdits
+
+                edits = stack.enter_context(FileEdits(wanted, _watched(arguments)))
+                request = replace(request, edits=edits)
+            shown = stack.enter_context(Shown(arguments))
             simulated = simulate_fitted(found, request, shown.hear, shown.cancellation)
         return _concluded(arguments, simulated)
+
+
+def _watched(arguments: argparse.Namespace) -> list[str]:
+    """The files that a program is made of."""
+    return [arguments.file, *arguments.properties]
 
 
 def _request(arguments: argparse.Namespace) -> SimulationRequest:
@@ -319,6 +340,7 @@ def _request(arguments: argparse.Namespace) -> SimulationRequest:
         outputs=outputs,
         kernels=arguments.kernels == "on",
         planners=arguments.planners,
+        reload=arguments.reload,
     )
 
 
@@ -362,6 +384,7 @@ def _rehearse(arguments: argparse.Namespace) -> int:
         "--trace": arguments.trace is not None,
         "--processes": arguments.processes,
         "--planners": arguments.planners != 0,
+        "--reload": arguments.reload,
     }
     for name, is_given in given.items():
         if is_given:

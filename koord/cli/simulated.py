@@ -15,6 +15,7 @@ from koord.api.sim_report import (
     BrokenClaim,
     Ending,
     Hindrance,
+    ProgramReloaded,
     Setup,
     Simulated,
     SimulationBegun,
@@ -23,6 +24,7 @@ from koord.api.sim_report import (
     standing_words,
     still_words,
 )
+from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.terminal import Paint, style_of, visible
 from koord.syntax.source import counted
@@ -217,11 +219,22 @@ class Shown:
             case StandsStill():
                 self._line.clear()
                 print(told.message, file=sys.stderr, flush=True)
+            case ProgramReloaded():
+                self._line.clear()
+                self._show_reload(told)
             case SimulationOver(simulated=simulated):
                 self._stack.close()
                 self._report(simulated)
             case _:
                 self._line.show(told.message)
+
+    def _show_reload(self, told: ProgramReloaded) -> None:
+        """Show that the program was edited, what is not kept, and what is wrong with it."""
+        report = DiagnosticReport()
+        report.add(told.diagnostics, *told.sources)
+        report.print(sys.stderr, as_json=False)
+        when = f"before round {(told.round or 0) + 1}"
+        print(visible(f"{when}: {told.message}"), file=sys.stderr, flush=True)
 
     def _begin(self, begun: SimulationBegun) -> None:
         if not self._arguments.json:

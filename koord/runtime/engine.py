@@ -40,6 +40,21 @@ class Shown(Struct, frozen=True):
     written: tuple[Written, ...]
 
 
+class Resumed(Struct, frozen=True, eq=False):
+    """What robots hold when another program goes on from where they are. [RELOAD]
+
+    Values are in the shapes of that program's attributes: ``robots[i]`` are those of robot i but
+    for what is shared. ``ran`` is what each ran in the last round.
+    """
+
+    round: int
+    shared: Mapping[str, Any]
+    robots: Sequence[Mapping[str, Any]]
+    statuses: Sequence[Status]
+    ran: Sequence[int | None]
+    shown: Sequence[Shown]
+
+
 class Measured(Struct, frozen=True, eq=False):
     """What a sensor of robots of one kind reads, where that may be another value than before.
 
@@ -130,6 +145,15 @@ class RoundEngine:
         decision = decide(INIT_ROUND, proposals, ranks)
         self._act(decision)
         return decision
+
+    def resume(self, resumed: Resumed) -> None:
+        """Go on from where another engine's robots are, instead of INIT. [RELOAD]"""
+        self.round, self.shown = resumed.round, list(resumed.shown)
+        self.store.declare(resumed.shared)
+        for robot, held in zip(self._robots, resumed.robots, strict=True):
+            vars(robot).update(held)
+            vars(robot).update(self.store.values)
+            robot.status, robot.ran = resumed.statuses[robot.pid], resumed.ran[robot.pid]
 
     def program_turns(self, schedule: Schedule) -> Decision:
         """Run every robot's program turn. [SELECT] [ATOMIC] [END-PROG]"""

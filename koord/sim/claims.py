@@ -24,6 +24,7 @@ _SORTS = {
     WatchPoint.BEGUN: (WatchedKind.ASSUMPTION, WatchedKind.INVARIANT, WatchedKind.AT_ROUND),
     WatchPoint.EVENTS: (WatchedKind.INVARIANT,),
     WatchPoint.ROUND: (WatchedKind.INVARIANT, WatchedKind.AT_ROUND),
+    WatchPoint.RELOADED: (WatchedKind.INVARIANT, WatchedKind.AT_ROUND),
 }
 
 #: Of more robots than this, so many at each tick, in turn, are held against their contracts.

@@ -49,14 +49,18 @@ class Hosted(WorldHost):
         self.scanners = dict(scanners or {})
         self._noise = self._noise_by(seed)
         self.reception = Reception(radio, fleet.positions())
-        #: The sensors of each kind of robot that say who is in range. [ENV-RANGE]
-        self._ranging = [
-            [name for name in one.SENSORS if is_in_range(name, one.PORTS[name])] for one in classes
-        ]
         #: What plug-ins and radios tell robots, where another process has them.
         self.given: Mapping[int, dict[str, Any]] | None = None
         #: what robots know of themselves
         self.sensed: FleetSensors = fleet.sensed()
+
+    def take_on(self, classes: Sequence[type[Robot]]) -> None:
+        super().take_on(classes)
+        #: The sensors of each kind of robot that say who is in range. [ENV-RANGE]
+        self._ranging = [
+            [name for name in one.SENSORS if is_in_range(name, one.PORTS[name])]
+            for one in self.classes
+        ]
 
     def reseed(self, seed: int) -> None:
         super().reseed(seed)

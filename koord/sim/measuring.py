@@ -100,6 +100,11 @@ class Gauge:
         visit_m = [placed.model.visit.epsilon_m for placed in scene.robots]
         self._tasks = TaskGauge(type(engine.robots[0]), recorder, visit_m)
 
+    def reload(self, engine: Engine) -> None:
+        """Go on with the robots of another program; tasks are as they were. [RELOAD]"""
+        self.engine = engine
+        self._tasks.reload(type(engine.told_robots[0]))
+
     @property
     def has_tasks(self) -> bool:
         """Whether the program has a list of tasks."""
@@ -223,6 +228,12 @@ class TaskGauge:
         self._recorder, self._visit_m = recorder, visit_m
         self._tasks = _task_list(program)
         self._values: Mapping[str, Any] = {}
+
+    def reload(self, program: type[Robot]) -> None:
+        """Go on with the list of tasks of another program."""
+        self._tasks = _task_list(program)
+        if self._tasks is None:
+            self.owners, self.visited = [], []
 
     @property
     def is_there(self) -> bool:

@@ -33,6 +33,7 @@ from koord.runtime.shapes import (
 from koord.runtime.shapes import Sequence as ListOf
 from koord.runtime.store import AgreedStore
 from koord.sim.fleet import Placed
+from koord.sim.reloading import Numbering
 from koord.sim.run_log import (
     SHARED,
     WHOLE,
@@ -129,19 +130,43 @@ class Observer:
     """An observer that feeds a recorder with the ticks of a fleet and the rounds of an engine."""
 
     def __init__(self, recorder: RunLogger, engine: EngineView, fleet: FleetView) -> None:
-        self.recorder, self.engine, self.fleet = recorder, engine, fleet
+        self.recorder, self.fleet = recorder, fleet
         header = recorder.recording.header
-        self._shared = [(v, _plain_element(v.shape)) for v in header.shared]
-        own = [[(v.name, _plain_of(v.shape)) for v in agent.variables] for agent in header.agents]
-        self._own = [own[robot.agent] for robot in header.robots]
-        self._were: list[list[Any]] = [[None] * len(of_robot) for of_robot in self._own]
-        self._were_shared: list[Any] = [None] * len(header.shared)
+        #: How variables and events are counted in the recording; None: as the program does.
+        self._numbering: Numbering | None = None
+        self._look_at(engine, header)
         self._given = np.zeros(len(header.robots), np.int64)
         self._paths_s = _PATHS_S if len(header.robots) <= _MANY else _PATHS_OF_MANY_S
         self._paths_due_s = -math.inf
         self._values_s, self._values_due_s = header.values_s, -math.inf
         self._shown = 0
         self._tilting = np.array(header.tilting, np.int64)
+
+    def _look_at(self, engine: EngineView, header: Header) -> None:
+        """Look at a program, whose variables the header has; all of them are new."""
+        self.engine = engine
+        self._shared = [(v, _plain_element(v.shape)) for v in header.shared]
+        own = [[(v.name, _plain_of(v.shape)) for v in agent.variables] for agent in header.agents]
+        self._own = [own[robot.agent] for robot in header.robots]
+        self._were: list[list[Any]] = [[None] * len(of_robot) for of_robot in self._own]
+        self._were_shared: list[Any] = [None] * len(header.shared)
+
+    def reload(self, engine: EngineView, header: Header, numbering: Numbering) -> None:
+        """Go on with another program, which has the header. [RELOAD]
+
+        What it has of the one before is no change, unless its value is another.
+        """
+        before, own, shared = self._numbering, self._were, self._were_shared
+        self._look_at(engine, header)
+        self._numbering, self._values_due_s = numbering, -math.inf
+        had = None if before is None else before.declared
+        kinds = numbering.agents.tolist()
+        for pid, kind in enumerate(kinds):
+            numbers = range(len(own[pid])) if had is None else had.agents[kind]
+            known = dict(zip(numbers, own[pid], strict=True))
+            self._were[pid] = [known.get(k) for k in numbering.declared.agents[kind]]
+        known = dict(zip(range(len(shared)) if had is None else had.shared, shared, strict=True))
+        self._were_shared = [known.get(k) for k in numbering.declared.shared]
 
     def begun(self, decision: Decision) -> None:
         """Record the end of INIT."""
@@ -192,9 +217,11 @@ class Observer:
         changes: list[LoggedChange] = []
         if time_s >= self._values_due_s - 1e-9:
             self._values_due_s = time_s + self._values_s
-            changes = [*self._shared_changes(), *self._own_changes()]
+            changes = self._changes()
         shown = self.engine.shown[self._shown :]
         self._shown += len(shown)
+        if self._numbering is not None:
+            deeds = self._numbering.deeds(deeds)
         self.recorder.round(number, time_s, deeds, changes, [*_said(shown)])
 
     def pass_idle(self, first: int, rounds: int) -> None:
@@ -215,7 +242,7 @@ class Observer:
     def end(self, words: str) -> None:
         """Record the end of the run, with its reason and the last values."""
         number, recording = self.engine.round, self.recorder.recording
-        changes = [*self._shared_changes(), *self._own_changes()]
+        changes = self._changes()
         ended_within = bool(recording.rounds) and recording.rounds[-1].number == number
         if ended_within:
             deeds = recording.rounds[-1].deeds
@@ -231,6 +258,13 @@ class Observer:
             story = f"{ended.fault.kind.value} at {ended.fault.place}"
             self.recorder.violation(time_s, "fault", story, whose)
         self.recorder.end(words)
+
+    def _changes(self) -> list[LoggedChange]:
+        """The changed variables, as the recording counts them."""
+        changes = [*self._shared_changes(), *self._own_changes()]
+        if self._numbering is not None:
+            changes = list(map(self._numbering.change, changes))
+        return changes
 
     def _own_changes(self) -> list[LoggedChange]:
         """The changed variables of a robot. Has to be fast: for each robot in each round."""

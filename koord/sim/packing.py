@@ -86,6 +86,9 @@ def pack(recording: RunLog, since: LogSizes, until: LogSizes) -> bytes:
         ],
         "ending": recording.ending if until.ended else None,
     }
+    if until.reloads > since.reloads:
+        reloads = range(since.reloads, until.reloads)
+        document["reloads"] = [_reload(recording, number) for number in reloads]
     if since == LogSizes():
         document["header"] = described(header)
     planes = {
@@ -105,6 +108,21 @@ def step_m(world: World) -> float:
 def middle(world: World) -> tuple[float, ...]:
     """The origin of packed positions, in metres."""
     return tuple((low + high) / 2 for low, high in zip(world.low, world.high, strict=True))
+
+
+def _reload(recording: RunLog, number: int) -> dict[str, Any]:
+    """A change of the program; with what the header has now, for pages that have an older one."""
+    entry, header = recording.reloads[number], recording.header
+    return {
+        "time": _ms(entry.time_s),
+        "round": entry.number,
+        "text": entry.text,
+        "words": entry.words,
+        "had": [entry.had.shared, entry.had.agents],
+        "has": [entry.has.shared, entry.has.agents],
+        "agents": [_agent(agent) for agent in header.agents],
+        "shared": [_variable(variable) for variable in header.shared],
+    }
 
 
 # --- planes ---------------------------------------------------------------------------------------

@@ -193,6 +193,37 @@ class Still(NamedTuple):
     words: str
 
 
+class Declared(Struct, frozen=True):
+    """The variables that a program has, by their numbers: shared ones, and those of each agent."""
+
+    shared: tuple[int, ...]
+    agents: tuple[tuple[int, ...], ...]
+
+
+class LoggedReload(Struct, frozen=True):
+    """A change of the program between two rounds, or an edit that was refused. [RELOAD]
+
+    ``number`` is that of the next round. ``text`` is the new one; None: the edit was refused, and
+    ``words`` say why. Else they say what was not kept.
+    """
+
+    number: int
+    time_s: float
+    text: str | None
+    words: tuple[str, ...]
+    had: Declared
+    has: Declared
+
+
+def reload_words(entry: LoggedReload) -> str:
+    """A change of the program in words, or why an edit was refused."""
+    if entry.text is None:
+        return "\n".join(
+            ("the edited program is refused, and the one before goes on:", *entry.words)
+        )
+    return "; ".join(("the program has changed", *entry.words))
+
+
 class LogSizes(NamedTuple):
     """A point in a recording: the number of entries of each kind."""
 
@@ -202,11 +233,16 @@ class LogSizes(NamedTuple):
     tasks: int = 0
     violations: int = 0
     still: int = 0
+    reloads: int = 0
     ended: bool = False  #: whether that is all of it
 
 
 class RunLog(Struct):
-    """The recording of a run. It grows at its end only; entries never change."""
+    """The recording of a run. It grows at its end only; entries never change.
+
+    Nor do numbers of variables and events: where the program changes, the header is replaced by one
+    that has more of them behind its own.
+    """
 
     header: Header
     times_s: array[float] = field(default_factory=lambda: array("d"))
@@ -218,6 +254,7 @@ class RunLog(Struct):
     tasks: list[TaskChange] = field(default_factory=list)
     violations: list[LoggedViolation] = field(default_factory=list)
     still: list[Still] = field(default_factory=list)
+    reloads: list[LoggedReload] = field(default_factory=list)
     ending: str | None = None  #: how the run ended, in words; None: it has not yet
 
     def since(self, start: LogSizes) -> RunLog:
@@ -232,6 +269,7 @@ class RunLog(Struct):
             self.tasks[start.tasks :],
             self.violations[start.violations :],
             self.still[start.still :],
+            self.reloads[start.reloads :],
         )
 
     @property
@@ -244,6 +282,7 @@ class RunLog(Struct):
             len(self.tasks),
             len(self.violations),
             len(self.still),
+            len(self.reloads),
             self.ending is not None,
         )
 
@@ -375,6 +414,11 @@ class RunLogger:
     def standing(self, time_s: float, robot: int, since_s: float, words: str) -> None:
         """Record a robot that stands still, and why."""
         self.recording.still.append(Still(time_s, robot, since_s, words))
+
+    def reload(self, header: Header, entry: LoggedReload) -> None:
+        """Record that the program changed, or did not; ``header`` has its variables and events."""
+        self.recording.header = header  # first: a reader goes by the number of entries
+        self.recording.reloads.append(entry)
 
     def end(self, words: str) -> None:
         """Record the reason for the end of the run. Nothing comes after it."""

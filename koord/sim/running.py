@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from koord.runtime.columns.engine import ColumnEngine
 from koord.runtime.compile.machine.lazy import LazyTurns
-from koord.runtime.engine import Deployed, Ended, Schedule
+from koord.runtime.engine import Deployed, Ended, Resumed, Schedule
 from koord.runtime.engine import RoundEngine as Engine
 from koord.runtime.motion.arrays import Bools, Floats
 from koord.runtime.motion.planners import planner
@@ -31,7 +31,8 @@ from koord.sim.measuring import Figures, Gauge
 from koord.sim.observing import Observer, deeds_in, header_of
 from koord.sim.radio import OverRadio
 from koord.sim.reading import Reader
-from koord.sim.run_log import Deeds, Header, Idle, RunLog, RunLogger
+from koord.sim.reloading import declared_in, extended
+from koord.sim.run_log import Deeds, Header, Idle, LoggedReload, RunLog, RunLogger
 from koord.sim.scene import Scene
 from koord.sim.scene_library import library_of
 from koord.sim.separation import Nearest
@@ -45,6 +46,10 @@ _STILL_S = 3.0
 #: A robot that waits gets the same path to the same goal for so many rounds; then it gets another,
 #: which may be clear where that one was not. Planning in every round is most of what waiting costs.
 _KEPT_ROUNDS = 5
+
+
+#: The claim about how far robots are apart, which is the scene's.
+_APART = "separation"
 
 
 class Ending(Enum):
@@ -81,6 +86,7 @@ class WatchPoint(Enum):
     BEGUN = "after INIT"
     EVENTS = "after the robots' events"
     ROUND = "at the end of a round"
+    RELOADED = "after another program goes on"
 
 
 class Claims(Protocol):
@@ -145,6 +151,19 @@ def header_in(cast: Cast, scene: Scene) -> Header:
     )
 
 
+class NextProgram(Struct, frozen=True, eq=False):
+    """Another program for a run in progress, and what wraps hosts for it. [RELOAD]
+
+    ``claims`` makes the monitors of its claims, and ``words`` say what is not kept.
+    """
+
+    cast: Cast
+    heard: Callable[[Host], Host] | None
+    supplied: Callable[[Host], Host] | None
+    claims: Callable[[Simulation], list[Claims]]
+    words: tuple[str, ...] = ()
+
+
 class Simulation:
     """A run, round by round: :meth:`begin` first, then :meth:`round` until ``ending`` is set."""
 
@@ -165,24 +184,21 @@ class Simulation:
         makes what runs programs; by default it is :func:`engine_of`.
         """
         self.cast, self.scene, self.keep_going = cast, scene, keep_going
+        self.waits = False  #: for edits of the program, so that it goes on where nothing changes
         self.claims: list[Claims] = []  #: that are watched; to be filled before the run begins
         self.fleet = Fleet(scene.world, scene.robots, scene.seed)
         self.host = host_of(cast, scene, self.fleet)
         self.schedule: Schedule = schedule if schedule is not None else Deployed()
         if scene.radio.carries_rounds:
             self.schedule = OverRadio(self.schedule, self.host.reception)
-        world: Host = self.host if supplied is None else supplied(self.host)
-        self.claims_host = world  #: whom claims ask
-        host = world if heard is None else heard(world)
         bodies = [placed.model.body for placed in scene.robots]
         self.watchman = _watchman(self.fleet)(scene.world, bodies)
         self.decision = Decision(INIT_ROUND, (), (), ())  #: the last one
-        made = engine_of if engine is None else engine
-        self.engine = made(cast, scene.delta_s, self.watchman.hear(host))
+        self.claims_host: Host = self.host  #: whom claims ask
         #: Reads all sensors at once, if nobody is to be asked for those of each robot.
-        self.reader = Reader(self.host) if host is self.host else None
-        if self.reader is not None:
-            self.engine.reader = self.reader.read
+        self.reader: Reader | None = None
+        self._make_engine = engine_of if engine is None else engine
+        self.engine = self._engine(cast, heard, supplied)
         self.recorder = RunLogger(header_in(cast, scene))
         self.observer = Observer(self.recorder, self.engine, self.fleet)
         self.gauge = Gauge(self.fleet, self.engine, self.recorder, scene)
@@ -202,6 +218,8 @@ class Simulation:
         self._before: tuple[Any, ...] | None = None
         self._own = [_own_variables(program) for program in cast.classes]
         self._still = 0
+
+        self._earlier: dict[str, int] = {}  #: how often claims of earlier programs were checked
 
         #: Makes what makes rounds in which nobody acts, many at once; None: there is to be none.
         self.striding: Callable[[Simulation], Striding | None] | None = None
@@ -313,7 +331,11 @@ class Simulation:
     @property
     def looked(self) -> dict[str, int]:
         """The number of checks of each claim."""
-        return {name: count for claims in self.claims for name, count in claims.looked.items()}
+        found = dict(self._earlier)
+        for claims in self.claims:
+            for name, count in claims.looked.items():
+                found[name] = self._earlier.get(name, 0) + count
+        return found
 
     @property
     def fault(self) -> Ended | None:
@@ -337,7 +359,67 @@ class Simulation:
         """Record the end of a tick at which nothing but positions is of interest."""
         self._hold_apart(self.gauge.tick(time_s, positions), time_s, positions)
 
+    # --- another program ------------------------------------------------------------------------
+
+    @uncollected()
+    def reload(self, program: NextProgram, resume: Callable[[Engine], Resumed]) -> None:
+        """Go on with another program between two rounds; what it claims is looked at. [RELOAD]
+
+        ``resume`` says, of the engine of that program, what its robots hold; if it raises an
+        error, the run is as before.
+        """
+        cast, host = program.cast, self.host
+        were = host.classes, host.watches, self.claims_host, self.reader
+        host.take_on(cast.classes)
+        try:
+            engine = self._engine(cast, program.heard, program.supplied)
+            engine.resume(resume(engine))
+        except BaseException:
+            host.take_on(were[0])
+            _, host.watches, self.claims_host, self.reader = were
+            raise
+        self.cast, self.engine, self.striding, self._strides = cast, engine, None, None
+        log, header = self.recorder.recording, header_in(cast, self.scene)
+        had = log.reloads[-1].has if log.reloads else declared_in(log.header)
+        whole, numbering = extended(log.header, header)
+        entry = LoggedReload(
+            engine.round, self.time_s, cast.text, program.words, had, numbering.declared
+        )
+        self.recorder.reload(whole, entry)
+        self.observer.reload(engine, header, numbering)
+        self.gauge.reload(engine)
+        self._digest.reload(engine.round, cast.text)
+        self._earlier, self._told = self.looked, {key for key in self._told if key[0] == _APART}
+        self.claims[:] = program.claims(self)
+        self._own = [_own_variables(one) for one in cast.classes]
+        self.acted, self._before, self._still = set(range(len(cast.kinds))), None, 0
+        self._look(WatchPoint.RELOADED)
+        self._conclude()
+
+    def refuse(self, words: tuple[str, ...]) -> None:
+        """Record that an edited program was refused; the run goes on as it is."""
+        log = self.recorder.recording
+        had = log.reloads[-1].has if log.reloads else declared_in(log.header)
+        entry = LoggedReload(self.engine.round, self.time_s, None, words, had, had)
+        self.recorder.reload(log.header, entry)
+
     # --- inside ---------------------------------------------------------------------------------
+
+    def _engine(
+        self,
+        cast: Cast,
+        heard: Callable[[Host], Host] | None,
+        supplied: Callable[[Host], Host] | None,
+    ) -> Engine:
+        """The engine of a program, whose host asks the world's."""
+        world: Host = self.host if supplied is None else supplied(self.host)
+        self.claims_host = world
+        host = world if heard is None else heard(world)
+        self.reader = Reader(self.host) if host is self.host else None
+        engine = self._make_engine(cast, self.scene.delta_s, self.watchman.hear(host))
+        if self.reader is not None:
+            engine.reader = self.reader.read
+        return engine
 
     def _hold_apart(self, near: Nearest | None, time_s: float, positions: Floats) -> None:
         """Report robots that are nearer to each other than is safe."""
@@ -345,7 +427,7 @@ class Simulation:
             words = f"{near.distance_m:.3f} m apart, less than {self.scene.safety_m:.3f} m"
             place: Point = tuple(positions[near.one].tolist())
             pair = (near.one, near.other)
-            self._break(BrokenClaim("separation", time_s, pair, place, words))
+            self._break(BrokenClaim(_APART, time_s, pair, place, words))
 
     def _stopped(self, decision: Decision, deeds: Deeds) -> Bools:
         """A mask of the robots that have stopped by the end of a round."""
@@ -404,6 +486,8 @@ class Simulation:
 
     def _is_still(self, ran: bool) -> bool:
         """Return whether nobody moves, and no variable but measurements has changed for a while."""
+        if self.waits:
+            return False
         if self.watchman.sees_some_go or self.host.sensed.on_the_way.any():
             self._still, self._before = 0, None
             return False

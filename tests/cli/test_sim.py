@@ -382,6 +382,12 @@ def test_a_level_without_its_library_is_refused_with_the_cure(
         (["--runs", "2", "--live", "--record", "a.mcap"], "--record and --live are of one run"),
         (["--sweep", "robots=2..3", "--pace", "2"], "--pace is of one run"),
         (["--jobs", "2"], "--jobs is of campaigns"),
+        (["--reload"], "--reload: only runs that are looked at take edits: say `--live`"),
+        (
+            ["--live", "--reload", "--processes"],
+            "edits are taken in one process: leave out `--processes`",
+        ),
+        (["--schedule", "t.json", "--reload"], "leave out --reload"),
         (["--cluster", "tcp://localhost:1"], "--cluster is of campaigns"),
         (["--csv", "a.csv"], "--csv is of campaigns"),
         (["--schedule", "t.json", "--processes"], "leave out --processes"),

@@ -5,6 +5,8 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 
 RULES = "tests/semantics/test_reloading.py"
+RUNS = "tests/api/test_reloading.py"
+EDITS = "tests/sim/test_edits.py"
 
 RELOADING = (
     Mutant(
@@ -48,5 +50,47 @@ RELOADING = (
         "name not in are and name not in elsewhere",
         "name not in are",
         (RULES,),
+    ),
+    Mutant(
+        "a recording gives numbers of variables away again",
+        "sim.reloading.extended",
+        "_joined(known.variables, one.variables, _key)",
+        "_joined((), one.variables, _key)",
+        (EDITS,),
+    ),
+    Mutant(
+        "a recording counts events as the new program does",
+        "sim.reloading.Numbering.deeds",
+        "self.events[self.agents[pid]][deeds[pid]]",
+        "deeds[pid]",
+        (EDITS, RUNS),
+    ),
+    Mutant(
+        "hosts are those of a program that was refused",
+        "sim.running.Simulation.reload",
+        "host.take_on(were[0])",
+        "host.take_on(cast.classes)",
+        (RUNS,),
+    ),
+    Mutant(
+        "claims of another program are looked at in the next round",
+        "sim.running.Simulation.reload",
+        "self._look(WatchPoint.RELOADED)",
+        "self._look(WatchPoint.EVENTS) if not self.claims else None",
+        (RUNS,),
+    ),
+    Mutant(
+        "a program that was saved as it was is gone on with",
+        "api.edits.FileEdits.look",
+        "texts == self._texts",
+        "texts is self._texts",
+        (RUNS,),
+    ),
+    Mutant(
+        "a list of earlier edits is gone on with one by one",
+        "api.edits.ListedEdits.take",
+        "while self._texts and self._texts[0][0] <= round_: _, text = self._texts.pop(0)",
+        "if self._texts and self._texts[0][0] <= round_: _, text = self._texts.pop(0)",
+        (RUNS,),
     ),
 )

@@ -76,20 +76,25 @@ class WorldHost(ABC):
         seed: int = 0,
     ) -> None:
         """Make a host of robots whose programs are ``classes[kinds[pid]]``."""
-        self.classes, self.kinds = tuple(classes), tuple(kinds)
-        self.watches: tuple[type[Robot], ...] = ()  #: others that may ask the library
+        self.kinds = tuple(kinds)
         self.modules: dict[int, ServedModules] = {}  #: of robots, that plug-ins serve (P-OWN)
         self.ignoring_height: frozenset[int] = frozenset()  #: they go below goals (P-PUBLISHED-CAR)
         self.library = library
         self._world = world
         self._reseed(seed)
+        self.take_on(classes)
+        self._sent: list[dict[str, Any]] = [{} for _ in kinds]
+        self._walls = occupied(world) if world.obstacles else frozenset()
+
+    def take_on(self, classes: Sequence[type[Robot]]) -> None:
+        """Be the host of other programs for the same robots. [RELOAD]"""
+        self.classes = tuple(classes)
+        self.watches: tuple[type[Robot], ...] = ()  #: others that may ask the library
         self._goals = [list(_goals(one)) for one in self.classes]
         self._sensors = [
             [(name, one.PORTS[name], port_name(name)) for name in one.SENSORS]
             for one in self.classes
         ]
-        self._sent: list[dict[str, Any]] = [{} for _ in kinds]
-        self._walls = occupied(world) if world.obstacles else frozenset()
 
     def also_answer(self, program: type[Robot]) -> None:
         """Answer the functions of another program, in the shapes that it declares."""

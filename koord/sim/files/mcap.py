@@ -34,6 +34,7 @@ from koord.sim.files.rows import Pattern, hole, texts, to_parts
 from koord.sim.files.schemas import (
     CHANGES,
     LOG,
+    PROGRAM,
     ROUND,
     SCENE,
     TRANSFORMS,
@@ -48,11 +49,13 @@ from koord.sim.run_log import (
     Idle,
     LoggedChange,
     LoggedPath,
+    LoggedReload,
     LoggedRobot,
     LoggedRound,
     LogSizes,
     RunLog,
     TaskState,
+    reload_words,
     turns_of,
 )
 
@@ -132,15 +135,20 @@ class _Messages:
     """
 
     def __init__(self, header: Header) -> None:
-        self._header = header
+        self._set(header)
         self._frames = texts(msgspec.json.encode(_frame(k)) for k in range(len(header.robots)))
-        self._ran = [_ran(k, header.agents[r.agent].events) for k, r in enumerate(header.robots)]
         self._namings: dict[tuple[int, int, bool], tuple[str, Naming]] = {}
         self._paths: dict[int, tuple[bytes, bytes, bytes]] = {}
         self._planned_s: dict[int, float] = {}  #: when the last path of a robot was drawn
 
+    def _set(self, header: Header) -> None:
+        self._header = header
+        self._ran = [_ran(k, header.agents[r.agent].events) for k, r in enumerate(header.robots)]
+
     def of(self, recording: RunLog) -> Iterator[_Timed]:
         """Yield the messages of a part of a recording."""
+        if recording.header is not self._header:  # the program has changed
+            self._set(recording.header)
         header = self._header
         yield from self._transforms(recording)
         for done in recording.rounds:
@@ -157,6 +165,8 @@ class _Messages:
         for one in recording.still:
             words = f"robot {one.robot} stands still since {one.since_s:.1f} s: {one.words}"
             yield _log(header, one.time_s, "standing still", _ERROR, words)
+        for entry in recording.reloads:
+            yield from _reload(header, entry)
         yield from self._planned([*self._seldom(recording.paths)])
 
     def _transforms(self, recording: RunLog) -> Iterator[_Timed]:
@@ -252,6 +262,17 @@ class _Messages:
             middle, _, end = rest.partition(b'"@points"')
             self._paths[robot] = begin, middle, end
         return self._paths[robot]
+
+
+def _reload(header: Header, entry: LoggedReload) -> Iterator[_Timed]:
+    """Yield the messages about a change of the program, or an edit that was refused."""
+    number, time_s = entry.number, entry.time_s
+    level = _INFO if entry.text is not None else _ERROR
+    yield _log(header, time_s, "program", level, reload_words(entry))
+    message = {"round": number, "accepted": entry.text is not None, "notes": list(entry.words)}
+    if entry.text is not None:
+        message["text"] = entry.text
+    yield time_s, "/program", PROGRAM, message, number
 
 
 def _ran(robot: int, events: tuple[str, ...]) -> list[bytes]:

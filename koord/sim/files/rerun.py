@@ -10,7 +10,7 @@ import numpy as np
 
 from koord.runtime.motion.world import Obstacle, Polygon, World
 from koord.sim.files.drawing import TASKS, WALL, hue, ran, rings, solid_of
-from koord.sim.run_log import Header, LogSizes, RunLog, TaskState, turns_of
+from koord.sim.run_log import Header, LogSizes, RunLog, TaskState, reload_words, turns_of
 
 _TIMELINE = "time"
 
@@ -153,6 +153,10 @@ def _tell(rerun: Any, stream: Any, recording: RunLog) -> None:
         stream.set_time(_TIMELINE, duration=violation.time_s)
         line = f"{violation.claim}: {violation.words}"
         stream.log("log", rerun.TextLog(line, level="ERROR"))
+    for entry in recording.reloads:
+        stream.set_time(_TIMELINE, duration=entry.time_s)
+        level = "ERROR" if entry.text is None else "INFO"
+        stream.log("log", rerun.TextLog(reload_words(entry), level=level))
 
 
 def _tell_distance(rerun: Any, stream: Any, recording: RunLog) -> None:

@@ -147,6 +147,10 @@ class _Messages:
                 {"claim": broken.claim, "words": broken.words, "robots": broken.robots}
             )
             yield _ns(broken.time_s), "/violations", self._make("std_msgs/msg/String", text)
+        for entry in self.recording.reloads:
+            said = {"program": entry.text, "round": entry.number, "notes": entry.words}
+            text = json.dumps(said)
+            yield _ns(entry.time_s), "/events", self._make("std_msgs/msg/String", text)
 
     def _poses(
         self, time_s: float, poses: list[list[float]], turns: list[list[float]]

@@ -86,6 +86,19 @@ LOG = (
         },
     },
 )
+PROGRAM = (
+    "koord.program",
+    {
+        "title": "koord.program",
+        "type": "object",
+        "properties": {
+            "round": {"type": "integer"},
+            "accepted": {"type": "boolean"},
+            "notes": {"type": "array", "items": _TEXT},
+            "text": _TEXT,
+        },
+    },
+)
 ROUND = (
     "koord.round",
     {

@@ -1,14 +1,14 @@
 // The log: what happened, by kinds and words that are asked for.
 
 const LOGGED = 300; // so many entries are listed at a time, around the time that is shown
-const KINDS = [["bad", "Violations"], ["task", "Tasks"], ["said", "Output"], ["event", "Events"], ["lock", "Locks"]];
+const KINDS = [["bad", "Violations"], ["task", "Tasks"], ["said", "Output"], ["edit", "Edits"], ["event", "Events"], ["lock", "Locks"]];
 
 class Journal {
   constructor(run, page, redraw) {
     this.run = run;
     this.page = page;
     this.redraw = redraw;
-    this.kinds = new Set(["bad", "task", "said"]);
+    this.kinds = new Set(["bad", "task", "said", "edit"]);
     this.own = false; // the chosen robot alone
     this.words = "";
     this.key = "";
@@ -42,6 +42,12 @@ class Journal {
     if (has("task")) {
       for (const one of run.tasks) found.push({ time: one.time, words: one.state === DONE ? `task ${one.task} done by robot ${one.robot}` : `task ${one.task} assigned to robot ${one.robot}`, robot: one.robot });
     }
+    if (has("edit")) {
+      for (const one of run.reloads) {
+        const [mark, words] = reloadStory(one);
+        found.push({ time: one.time, mark: `✎ ${mark}`, isGood: !one.isRefused, words });
+      }
+    }
     if (has("said")) for (const one of run.said) found.push({ time: one.time, words: `robot ${one.robot} ${one.stream}: ${one.text}`, robot: one.robot });
     if (has("event") || has("lock")) {
       for (let round = 0; round < run.rounds; round++) {
@@ -62,7 +68,8 @@ class Journal {
   draw(pane) {
     const { run, page } = this;
     if (pane.firstChild !== this.head) pane.replaceChildren(this.head, this.list, this.rest);
-    const key = [run.rounds, run.samples, run.violations.length, run.ending, this.own ? page.chosen : "", document.documentElement.dataset.theme].join();
+    this.head.querySelector('[data-kind="edit"]').hidden = !run.reloads.length;
+    const key = [run.rounds, run.samples, run.violations.length, run.reloads.length, run.ending, this.own ? page.chosen : "", document.documentElement.dataset.theme].join();
     if (key !== this.key) {
       this.key = key;
       this.found = this.entries();
@@ -87,6 +94,6 @@ class Journal {
     return made("li", {},
       made("button", { onclick: () => { if (one.robot !== undefined) this.page.choose(one.robot); this.page.seek(one.time); } },
         made("time", {}, clock(one.time)),
-        made("span", {}, ...(one.deed !== undefined ? [swatch, " "] : []), ...(one.mark ? [made("b", { class: "bad" }, one.mark), " "] : []), one.words)));
+        made("span", {}, ...(one.deed !== undefined ? [swatch, " "] : []), ...(one.mark ? [made("b", { class: one.isGood ? null : "bad" }, one.mark), " "] : []), one.words)));
   }
 }

@@ -1,6 +1,7 @@
 // The page: time, keys, and what is drawn when.
 
 const FOLLOW_S = 0.2; // so far behind a live run stays what is shown
+const EDIT_S = 6; // so long an edit of the program is told of
 const PANELS_MS = 150; // while it plays, numbers change no more often than one can read
 
 class Page {
@@ -161,9 +162,16 @@ class Page {
     const toast = byId("toast");
     const near = this.run.violations.filter((one) => one.time <= this.time + 1e-6 && this.time - one.time < 1.5);
     const still = this.run.still.filter((one) => one.time <= this.time + 1e-6 && this.time - one.time < 1.5);
-    toast.hidden = !near.length && !still.length;
+    const edits = this.run.reloads.filter((one) => one.time <= this.time + 1e-6 && this.time - one.time < EDIT_S);
+    toast.hidden = !near.length && !still.length && !edits.length;
+    toast.classList.toggle("good", !near.length && !still.length && edits.length > 0 && !edits[edits.length - 1].isRefused);
     toast.style.bottom = `${8 + (this.map.shown.side ? SIDE_HEIGHT : 0)}px`;
     if (toast.hidden) return;
+    if (!near.length && !still.length) {
+      const [mark, words] = reloadStory(edits[edits.length - 1]);
+      toast.replaceChildren(made("b", {}, `✎ ${mark}`), ` ${words}`);
+      return;
+    }
     if (!near.length) {
       const [one] = still.slice(-1);
       toast.replaceChildren(made("b", {}, `■ robot ${one.robot} stands still`), ` ${stillStory(one)}`);
@@ -285,6 +293,10 @@ class Page {
   grow(pack) {
     this.run.append(pack);
     this.fillBar();
+    if (pack.reloads) {
+      this.fillEvents();
+      this.panels.plot.refill();
+    }
     if (this.timeline.layout().reduce((sum, [, h]) => sum + h + 2, 8) !== this.timeline.height) this.resize();
     this.redraw();
   }

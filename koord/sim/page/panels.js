@@ -11,7 +11,7 @@ class Panels {
     this.robots = byId("robots");
     this.tabs = byId("tabs");
     this.pane = byId("pane");
-    this.lines = run.header.text.split("\n");
+    this.lines = [];
     this.plot = new Plot(run, page);
     this.journal = new Journal(run, page, () => this.draw());
     this.makeRobots();
@@ -121,13 +121,12 @@ class Panels {
       made("h2", {}, `Robot ${robot}`, made("small", {}, [about.device, kind].join(" · "))),
       made("dl", { class: "grid" }, ...facts.flatMap(([name, value]) => [made("dt", {}, name), made("dd", {}, value)])),
     ];
-    const variables = run.header.agents[about.agent].variables;
+    const variables = run.ownAt(robot, time);
     for (const [home, title] of [["local", "Local"], ["sensor", "Sensors"], ["actuator", "Actuators"]]) {
-      const of = variables.map((variable, k) => [variable, run.own[robot][k]]).filter(([variable]) => variable.home === home);
+      const of = variables.filter(([variable]) => variable.home === home);
       if (of.length) content.push(made("h3", {}, title), this.values(of));
     }
-    const entries = run.header.shared
-      .map((variable, k) => [variable, run.shared[k]])
+    const entries = run.sharedAt(time)
       .filter(([variable]) => variable.home === "allread");
     if (entries.length) content.push(made("h3", {}, "Its entries of allread variables"), this.entries(entries, robot));
     return content;
@@ -176,7 +175,7 @@ class Panels {
   sharedValues() {
     const { run, page } = this, content = [];
     for (const [home, title] of [["allwrite", "Everybody writes"], ["allread", "Everybody reads, each writes its own"]]) {
-      const of = run.header.shared.map((variable, k) => [variable, run.shared[k]]).filter(([variable]) => variable.home === home);
+      const of = run.sharedAt(page.time).filter(([variable]) => variable.home === home);
       if (!of.length) continue;
       content.push(made("h3", {}, title));
       if (home === "allwrite") content.push(this.values(of));
@@ -197,9 +196,12 @@ class Panels {
     return made("table", { class: "table" }, made("thead", {}, head), made("tbody", {}, ...rows));
   }
 
-  /** The text, with the event that the chosen robot runs. */
+  /** The text of the program that runs then, with the event that the chosen robot runs. */
   drawProgram() {
-    if (!this.code) {
+    const program = this.run.programAt(this.page.time);
+    if (!this.code || program !== this.shown) {
+      this.shown = program;
+      this.lines = program.text.split("\n");
       // Words about a broken claim end in its place: file:line:column.
       const broken = new Set(this.run.violations.map((one) => Number(/:(\d+):\d+$/.exec(one.words)?.[1])));
       this.code = made("pre", { class: "code" }, ...this.lines.map((line, k) =>

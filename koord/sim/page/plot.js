@@ -30,6 +30,16 @@ class Plot {
     this.canvas.addEventListener("pointermove", (event) => { if (event.buttons) this.seek(event); });
   }
 
+  /** The program has changed: what it has besides can be drawn, too. */
+  refill() {
+    const { group, name } = this.choices[this.chosen];
+    this.choices = this.all();
+    this.chosen = Math.max(0, this.choices.findIndex((one) => one.group === group && one.name === name));
+    this.select.replaceChildren(...this.groups());
+    this.select.value = String(this.chosen);
+    this.key = "";
+  }
+
   /** Everything that has a number at a time: {group, name, names, series: [{robot, at(round)}]}. */
   all() {
     const { run } = this, found = [];

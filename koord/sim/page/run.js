@@ -30,13 +30,23 @@ class Run {
     this.counted = new Set(); // of violations, so that each is there once
     this.still = []; // robots that were seen to stand still
     this.ending = null;
-    const names = [...new Set(this.header.agents.flatMap((agent) => agent.events))];
-    this.eventNames = names;
-    this.looks = this.header.agents.map((agent) => agent.events.map((name) => names.indexOf(name)));
+    this.reloads = []; // changes of the program, and edits that were refused
+    // The programs one after the other: from when on, their texts, and the variables that they have
+    // ([shared, of each agent]; null: all).
+    this.programs = [{ time: -Infinity, text: this.header.text, has: null }];
+    this.name();
     this.append(pack);
   }
 
+  /** The names of all events, and which of them an agent's are. */
+  name() {
+    const names = [...new Set(this.header.agents.flatMap((agent) => agent.events))];
+    this.eventNames = names;
+    this.looks = this.header.agents.map((agent) => agent.events.map((name) => names.indexOf(name)));
+  }
+
   append(pack) {
+    for (const change of pack.reloads ?? []) this.appendReload(change);
     this.appendPoses(pack);
     this.appendRounds(pack);
     this.appendPaths(pack);
@@ -54,6 +64,38 @@ class Run {
       this.still.push({ time: time / 1000, robot, since: since / 1000, words });
     }
     this.ending = pack.ending ?? this.ending;
+  }
+
+  /** Another program goes on: what it has besides is behind what was known. */
+  appendReload({ time, round, text, words, had, has, agents, shared }) {
+    this.reloads.push({ time: time / 1000, round, isRefused: text === null, words });
+    while (this.shared.length < shared.length) this.shared.push(new History());
+    this.own.forEach((own, robot) => {
+      const { variables } = agents[this.robots[robot].agent];
+      while (own.length < variables.length) own.push(new History());
+    });
+    Object.assign(this.header, { agents, shared });
+    this.name();
+    this.programs[this.programs.length - 1].has ??= had;
+    if (text !== null) this.programs.push({ time: time / 1000, text, has });
+  }
+
+  /** The program that runs at a time. */
+  programAt(time) {
+    return this.programs.findLast((one) => one.time <= time + 1e-6);
+  }
+
+  /** The shared variables that there are at a time, each with its history. */
+  sharedAt(time) {
+    const numbers = this.programAt(time).has?.[0] ?? this.header.shared.keys();
+    return [...numbers].map((k) => [this.header.shared[k], this.shared[k]]);
+  }
+
+  /** The same of a robot's own. */
+  ownAt(robot, time) {
+    const { agent } = this.robots[robot], { variables } = this.header.agents[agent];
+    const numbers = this.programAt(time).has?.[1][agent] ?? variables.keys();
+    return [...numbers].map((k) => [variables[k], this.own[robot][k]]);
   }
 
   appendPoses(pack) {

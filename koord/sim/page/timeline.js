@@ -53,7 +53,7 @@ class Timeline {
   draw(time, chosen) {
     const shade = document.documentElement.dataset.theme;
     const { run } = this;
-    const key = [this.width, this.height, shade, chosen, run.rounds, run.samples, run.violations.length].join();
+    const key = [this.width, this.height, shade, chosen, run.rounds, run.samples, run.violations.length, run.reloads.length].join();
     if (key !== this.painted) {
       this.painted = key;
       this.paint(chosen);
@@ -85,6 +85,21 @@ class Timeline {
       this[`paint_${kind}`](pen, top, height, robot ?? chosen, chosen);
       top += height + 2;
     });
+    this.paintReloads(pen);
+  }
+
+  /** Where the program changed, or was not changed, through all lanes. */
+  paintReloads(pen) {
+    for (const one of this.run.reloads) {
+      const x = this.x(one.time);
+      pen.fillStyle = theme(one.isRefused ? "--bad" : "--accent");
+      pen.globalAlpha = 0.6;
+      for (let y = 18; y < this.height - 2; y += 6) pen.fillRect(x - 0.5, y, 1, 3);
+      pen.globalAlpha = 1;
+      pen.font = "11px system-ui, sans-serif";
+      pen.textAlign = "center";
+      pen.fillText("✎", x, 14);
+    }
   }
 
   name(pen, text, top, height, strong = false) {

@@ -93,3 +93,9 @@ function roundWords(run, round) {
 
 /** Since when a robot stands still, and why. */
 const stillStory = (one) => `since ${clock(one.since)}: ${one.words}`;
+
+/** What an edit of the program came to. */
+function reloadStory(one) {
+  if (one.isRefused) return ["edit refused", `the program before goes on. ${one.words.join("; ")}`];
+  return ["program changed", one.words.length ? one.words.join("; ") : "all values are kept"];
+}

@@ -1,0 +1,114 @@
+"""Edits of a program under simulation: inputs of a run, as data or as files are saved.
+
+:class:`ListedEdits` has them by round. :class:`FileEdits` is the thin part that watches files, and
+compiles what was saved in a thread of its own meanwhile.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Sequence
+from typing import Protocol
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.api.file_stamps import POLL_S, Stamp, stamps_of
+from koord.api.files import read_program
+from koord.api.fitting import FitRequest, Fitted, fit
+from koord.api.sim_setup import Built, build
+from koord.syntax.diagnostics import Diagnostic, KoordError
+from koord.syntax.source import Source
+
+
+class Edit(Struct, frozen=True):
+    """An edited program: compiled, or with what is wrong with it. ``sources`` are its texts."""
+
+    sources: tuple[Source, ...]
+    fitted: Fitted | None
+    built: Built | None
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+class Edits(Protocol):
+    """A source of edits of a program under simulation."""
+
+    def take(self, round_: int) -> Edit | None:
+        """The edit to go on with before a round, if there is one; each is given once."""
+        ...
+
+
+def edit_of(request: FitRequest, source: Source, properties: tuple[Source, ...]) -> Edit:
+    """Fit and compile a text in place of the program of a request."""
+    sources = (source, *properties)
+    try:
+        fitted = fit(replace(request, source=source, properties=properties))
+        return Edit(sources, fitted, build(fitted))
+    except KoordError as error:
+        return Edit(sources, None, None, error.diagnostics)
+
+
+class ListedEdits:
+    """Edits as data: texts by the rounds before which they are there."""
+
+    def __init__(self, request: FitRequest, texts: Iterable[tuple[int, str]]) -> None:
+        self._request, self._texts = request, sorted(texts)
+
+    def take(self, round_: int) -> Edit | None:
+        text: str | None = None
+        while self._texts and self._texts[0][0] <= round_:
+            _, text = self._texts.pop(0)
+        if text is None:
+            return None
+        source = replace(self._request.source, text=text)
+        return edit_of(self._request, source, self._request.properties)
+
+
+class FileEdits:
+    """Edits of files, which are watched while the context is open.
+
+    ``paths`` are those of the program and of its properties.
+    """
+
+    def __init__(self, request: FitRequest, paths: Sequence[str]) -> None:
+        self._request, self._paths = request, list(paths)
+        self._before: list[Stamp] | None = []  # what was saved since they were read counts
+        self._lock, self._over = threading.Lock(), threading.Event()
+        self._edit: Edit | None = None
+        self._texts = (request.source, *request.properties)
+        self._thread = threading.Thread(target=self._watch, name="edits", daemon=True)
+
+    def __enter__(self) -> FileEdits:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def take(self, round_: int) -> Edit | None:
+        with self._lock:
+            edit, self._edit = self._edit, None
+        return edit
+
+    def look(self) -> None:
+        """Look whether the files have changed, and compile them if so."""
+        now = stamps_of(self._paths)
+        if now is None or now == self._before:
+            return
+        self._before = now
+        try:
+            texts = tuple(read_program(path).source for path in self._paths)
+        except KoordError as error:
+            edit = Edit(self._texts, None, None, error.diagnostics)
+        else:
+            if texts == self._texts:
+                return  # saved as it was
+            self._texts = texts
+            edit = edit_of(self._request, texts[0], texts[1:])
+        with self._lock:
+            self._edit = edit
+
+    def _watch(self) -> None:
+        while not self._over.wait(POLL_S):
+            self.look()
