@@ -14,44 +14,86 @@ _FAMILIES = re.compile(r"_many(_|$)|_at_length$|_further_on$")
 
 #: Tests whose shortest case takes too much CPU for a default run and for a sample, and why.
 TOO_LONG = {
+    "test_a_cluster_without_workers_is_told": "a cluster that is started and ended",
+    "test_a_dropped_promise_is_kept_after_all": "a whole verdict",
     "test_a_dry_run_does_with_the_lab_what_a_simulation_does": "two minutes of real time",
+    "test_a_killed_worker_of_a_cluster_is_not_missed": "a cluster that is started and ended",
     "test_a_link_carries_the_program": "as that of commands",
+    "test_a_lost_scheduler_is_told": "a cluster that is started and ended",
     "test_a_part_that_was_asked_about_although_no_claim_reads_it_is_looked_at": "many verdicts",
+    "test_a_program_for_two_robots_faults_with_others": "a whole race",
     "test_a_program_uses_all_of_the_lab_in_a_simulation": "all of the lab, in a process of its own",
     "test_a_search_agrees": "all runs of a lock with three robots",
     "test_a_text_is_there_again_after_the_page_was_loaded_anew": "as that of commands",
     "test_a_token_in_a_ring_is_shown_again": "each of many questions, by two solvers",
+    "test_a_worker_with_another_version_is_told": "a cluster that is started and ended",
     "test_all_places_are_visited_and_the_trace_is_legal": "a minute and a half of real time",
     "test_all_three_refuse_all_mutants_alike": "three readers of some hundred configurations",
     "test_an_element_that_robots_race_for_is_as_one_of_them_left_it": "as that of the ring",
     "test_cars_among_processes_make_the_same_run": "half a minute of a fleet, twice",
     "test_cars_and_drones_visit_all_places": "two minutes of real time",
+    "test_certificates_of_examples_are_not_refuted": "two solvers, for each example",
+    "test_certificates_of_some_programs_are_not_refuted": "two solvers, for each program",
+    "test_claims_about_maps_are_confirmed": "two solvers",
+    "test_claims_for_every_number_need_their_own_invariant": "a proof and its check",
+    "test_contexts_that_are_needed_stay": "many contexts of the solver",
     "test_contracts_hold_at_each_instant": "each instant of many runs",
     "test_cubes_of_helpers_give_the_same_outcomes": "all cubes, one by one and together",
+    "test_each_worker_has_to_have_koord": "a cluster that is started and ended",
     "test_events_that_never_run_are_told": "what never happens, looked for in all ways",
+    "test_findings_on_protocol_and_guardian_are_as_described": "half a minute of explored runs",
+    "test_generated_programs_as_without_symmetry": "all runs of many programs",
     "test_it_is_asked_before_rounds_are_unrolled_for_long": "Spacer, for its time",
+    "test_its_program_is_laid_out_and_holds": "a package that is built, installed and checked",
+    "test_lassos_that_are_told_early_are_as_short": "fair lassos of many programs",
     "test_mistakes_are_shown_where_they_are_while_typing": "as that of commands",
     "test_no_question_outlives_who_asked_it": "a cluster that is started and ended",
+    "test_nobody_is_asked_once_all_is_answered_and_the_work_is_done": "a whole race",
     "test_nothing_false_is_confirmed_of_a_thousand_edits": "a thousand certificates",
+    "test_over_two_rounds_the_first_counts": "two solvers",
     "test_programs_are_checked_verified_and_run": "the playground, in a browser",
     "test_rates_of_a_program_are_the_known_ones": "some hundred runs",
+    "test_records_made_of_parts_are_told_apart_after_all": "a whole verdict",
     "test_robots_whose_people_are_gone_are_reached_all_the_same": "a minute of real time",
+    "test_rows_and_end_do_not_hang_on_the_number_of_jobs": "a campaign, several times",
+    "test_slices_and_junk_change_nothing_that_is_said_of_whole_runs": "all runs of some programs",
     "test_some_work_is_done_for_all_rounds": "an engine that is given twenty seconds",
+    "test_starts_that_are_hard_to_find_are_given_up_soon": "a search that is given up",
+    "test_sums_are_compared_part_by_part": "two solvers, for each part",
+    "test_sums_whose_parts_are_not_so": "two solvers, for each part",
+    "test_sums_whose_parts_are_not_so_are_not_confirmed": "two solvers, for each part",
+    "test_the_assignment_of_tasks_is_confirmed_by_what_was_found": "two solvers",
     "test_the_driver_of_ardupilot_passes_every_check": "as that of px4, which is in the sample",
     "test_the_driver_of_crazyflies_passes_every_check": "as that of px4, which is in the sample",
+    "test_the_fewest_rounds_are_the_fewest": "all runs of some programs",
     "test_the_fewest_rounds_are_the_fewest_of_many": "all runs of 60 programs",
+    "test_the_lock_comes_to_who_waits_for_it": "progress in a ring of any length",
     "test_the_protocol_can_be_checked_by_itself": "eight runs of it in chaos",
     "test_the_tests_pass_without_mistakes": "all tests that mutants name",
     "test_the_text_is_typed": "mypy, of all compiled examples",
     "test_the_tour_can_be_taken_in_an_environment_that_pip_made": "pip installs all extras",
+    "test_there_are_few_contexts_at_a_time": "many contexts of the solver",
     "test_threads_verify_examples_under_load": "four examples, four times at once",
+    "test_time_ends_runs_and_replays": "runs that last for their time",
+    "test_verdicts_that_rest_on_a_broken_contract_are_named": "verdicts of an example, and a drive",
     "test_votes_for_two_robots_are_no_more_than_robots": "as that of the ring",
+    "test_what_does_not_hold_is_never_inferred": "many proofs that fail",
     "test_what_grows_for_ever_is_proved_all_the_same": "what all engines but one go on about",
+    "test_what_holds_at_each_instant_is_proved": "instants of many rounds",
+    "test_what_holds_for_some_numbers_is_refuted_for_every_number": "a proof and its check",
+    "test_what_holds_for_the_robots_at_hand_is_told_apart": "a proof and its check",
     "test_what_holds_of_the_driver_by_rclpy_holds": "another run of tests, most of a minute",
+    "test_what_is_proved_is_refuted_for_none": "two solvers",
     "test_what_is_shown_again_of_shared_arrays_is_refuted_for_none": "two solvers",
+    "test_what_is_told_early_is_so": "fair lassos of many programs",
+    "test_what_machine_code_tells_early_is_so": "fair lassos of many programs",
+    "test_what_robots_write_at_one_place_is_one_of_their_values": "two solvers",
     "test_what_takes_long_can_be_cancelled_and_koord_begins_again": "the same",
+    "test_what_was_shown_of_another_program_is_not_confirmed": "two solvers",
     "test_where_nobody_is_is_told": "it waits until nobody has answered",
+    "test_who_may_keep_the_lock_is_not_said_to_send_it": "a ring of any length, for half a minute",
     "test_with_loss_a_killed_robot_and_a_lost_localiser_everybody_is_safe": "two minutes, as well",
+    "test_without_found_invariants_it_is_not_confirmed": "a proof and its check",
     "test_without_what_is_spare_all_is_still_proved_and_without_what_is_needed_it_is_not": "proofs",
 }
 
@@ -81,6 +123,9 @@ WAITING = (
     "testing/test_peers.py",
 )
 
+
+#: What `pytest.param` makes.
+_CASE = type(pytest.param())
 
 #: What `make peers` asks for by `-m`.
 PEERS = "slow and waits"
@@ -126,12 +171,22 @@ def _sample(cases: Sequence[pytest.Item]) -> pytest.Item | None:
 
 
 def first(count: int, cases: Iterable[object]) -> list[object]:
-    """The cases of a test, each one argument or a tuple of them; those after ``count`` are slow."""
-    rows = [case if isinstance(case, tuple) else (case,) for case in cases]
-    return [
-        pytest.param(*row, marks=[pytest.mark.slow] if at >= count else [])
-        for at, row in enumerate(rows)
-    ]
+    """The cases of a test, each one argument, a tuple of them or a parameter set of pytest.
+
+    Those after the first ``count`` that are not slow already are slow.
+    """
+    found: list[object] = []
+    for case in cases:
+        if isinstance(case, _CASE):
+            values, marks, name = case.values, list(case.marks), case.id
+        else:
+            values, marks, name = case if isinstance(case, tuple) else (case,), [], None
+        is_slow = any(mark.name == "slow" for mark in marks)
+        if not is_slow and count == 0:
+            marks.append(pytest.mark.slow)
+        found.append(pytest.param(*values, marks=marks, id=name))
+        count -= not is_slow and count > 0
+    return found
 
 
 def but_slow(slow: Collection[object], cases: Iterable[object]) -> list[object]:

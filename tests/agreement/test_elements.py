@@ -182,6 +182,7 @@ def compare(of: System, seed: object = None, *, compiled: bool = True) -> tuple[
     return end.states, kept.states
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", blocks(12, of=400, count=2))
 def test_generated_programs_as_without_symmetry(seeds: range) -> None:
     count: Counter[str] = Counter()

@@ -37,7 +37,7 @@ from koord.verify.verdicts import Counterexample, Outcome, Verdict
 from tests.generators.large import large
 from tests.generators.profiles import FINITE, SYMMETRIC
 from tests.generators.staged import staged
-from tests.sampling import sampled
+from tests.sampling import first, sampled
 from tests.semantics.driving import NO_TEXT
 from tests.verify.asking import ask, bounded, inductive, name_of, of_text
 from tests.verify.engines.bits.asking import on_bits
@@ -249,7 +249,7 @@ SOME = [
 ]
 
 
-@pytest.mark.parametrize(("name", "seeds"), SOME)
+@pytest.mark.parametrize(("name", "seeds"), first(1, SOME))
 def test_all_engines_agree_with_the_search(name: str, seeds: range) -> None:
     count, programs = many(FAMILIES[name], seeds), len(seeds)
     assert count["systems"] >= 0.88 * programs, count

@@ -127,6 +127,7 @@ def live(seed: int) -> System:
     return with_liveness(system(random, LIVELY), random)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", first(1, [0, 1_000]))
 def test_what_is_told_early_is_so(start: int) -> None:
     seeds = range(start, start + 30)
@@ -192,6 +193,7 @@ def test_a_shorter_lasso_of_the_same_distance_is_waited_for() -> None:
         assert rounds(found) == {"Never": 2}, look_from
 
 
+@pytest.mark.slow
 def test_lassos_that_are_told_early_are_as_short(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the graph may grow, no lasso is longer than the shortest of all of it."""
     monkeypatch.setattr(fair_lookout, "_MOST_GROWTH", 1_000)

@@ -72,6 +72,7 @@ def count_of(seeds: Iterable[int]) -> Counter[Engine | None]:
     return count
 
 
+@pytest.mark.slow
 def test_the_fewest_rounds_are_the_fewest() -> None:
     count = count_of((8, 15, 20))
     assert all(count[choice] >= 3 for choice in CHOICES), count

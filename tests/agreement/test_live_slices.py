@@ -59,6 +59,7 @@ def compare(seed: int, choice: Engine | None, most: int) -> Counter[str]:
     return count
 
 
+@pytest.mark.slow
 def test_slices_and_junk_change_nothing_that_is_said_of_whole_runs() -> None:
     count = sum((compare(seed, Engine.SEARCH, 60) for seed in range(10)), Counter[str]())
     assert count["with junk"] > 2, count

@@ -167,6 +167,7 @@ def test_a_parcel_that_came_damaged_or_to_others_is_not_opened() -> None:
         Parcel(parcel.code, parcel.digest, parcel.content + b" ").checked("code")
 
 
+@pytest.mark.slow
 def test_each_worker_has_to_have_koord() -> None:
     class Client:
         def __init__(self, *found: object) -> None:

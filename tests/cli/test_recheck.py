@@ -58,6 +58,7 @@ eventually One: candidate == 1
 """
 
 
+@pytest.mark.slow
 def test_what_holds_for_the_robots_at_hand_is_told_apart(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -139,6 +139,7 @@ def test_a_worker_with_another_version_is_told(
     assert "holds" not in out
 
 
+@pytest.mark.slow
 def test_a_cluster_without_workers_is_told(
     program: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

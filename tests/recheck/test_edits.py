@@ -117,6 +117,7 @@ def test_what_is_false_is_not_confirmed(count: int) -> None:
     assert judged(documents)["confirmed"] <= 1  # the door lets nobody in twice
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", first(1, [2, len(CHANGES)]))
 def test_what_was_shown_of_another_program_is_not_confirmed(count: int) -> None:
     assert judged(altered(*change) for change in CHANGES[:count])["refuted"] >= count // 2

@@ -70,6 +70,7 @@ def outcome(document: Document) -> RecheckOutcome:
     return rechecked(document).outcome
 
 
+@pytest.mark.slow
 def test_the_assignment_of_tasks_is_confirmed_by_what_was_found() -> None:
     document = task()
     assert [claim["name"] for claim in document["claims"]] == ["Exclusive", "no fault"]
@@ -79,18 +80,21 @@ def test_the_assignment_of_tasks_is_confirmed_by_what_was_found() -> None:
 
 @pytest.mark.parametrize(
     ("text", "kinds"),
-    but_slow(
-        [KINDS, PORTS, URGENT, alone("delivery.krd", "Once"), alone("sum_of_ids.krd", "Total")],
-        [
-            (KINDS, (0, 0, 1)),
-            (TOKEN, (0, 0, 0)),
-            (UNSET, (0, 0)),
-            (URGENT, (0, 0)),
-            (PORTS, (0, 0)),
-            (STOPS, (0, 0)),
-            (alone("delivery.krd", "Once"), (0, 0)),
-            (alone("sum_of_ids.krd", "Total"), (0, 0, 0)),
-        ],
+    first(
+        1,
+        but_slow(
+            [KINDS, PORTS, URGENT, alone("delivery.krd", "Once"), alone("sum_of_ids.krd", "Total")],
+            [
+                (KINDS, (0, 0, 1)),
+                (TOKEN, (0, 0, 0)),
+                (UNSET, (0, 0)),
+                (URGENT, (0, 0)),
+                (PORTS, (0, 0)),
+                (STOPS, (0, 0)),
+                (alone("delivery.krd", "Once"), (0, 0)),
+                (alone("sum_of_ids.krd", "Total"), (0, 0, 0)),
+            ],
+        ),
     ),
     ids=["kinds", "token", "unset", "urgent", "ports", "stops", "delivery", "sum"],
 )

@@ -52,6 +52,7 @@ invariant Visits: visits == {1: 0} and length(visits) == 1
 KINDS = (0, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("choice", first(1, [Engine.BITS, None]), ids=["bits", "auto"])
 def test_claims_about_maps_are_confirmed(choice: Engine | None) -> None:
     document = made(LOCKERS, KINDS, choice)
@@ -62,7 +63,7 @@ def test_claims_about_maps_are_confirmed(choice: Engine | None) -> None:
 @pytest.mark.parametrize(
     ("old", "new"),
     first(
-        2,
+        1,
         [
             ("lockers.remove(mine)", "lockers.remove(mine + 1)"),
             ("lockers[mine].open = false", "lockers[mine].owner = 0"),

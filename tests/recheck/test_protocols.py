@@ -19,7 +19,7 @@ from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds
 from tests.loading import PROTOCOLS, protocol_text
 from tests.recheck.certificates import Document, rechecked
-from tests.sampling import but_slow
+from tests.sampling import but_slow, first
 
 pytest.importorskip("cvc5")
 
@@ -50,7 +50,7 @@ def found(name: str) -> Document:
     return dict(json.loads(json.dumps(made.document)))
 
 
-@pytest.mark.parametrize("name", but_slow(set(ALL) - FAST, ALL))
+@pytest.mark.parametrize("name", first(1, but_slow(set(ALL) - FAST, ALL)))
 def test_what_is_found_is_confirmed_for_every_number(name: str) -> None:
     said = rechecked(found(name))
     assert said.everyone is not None

@@ -15,6 +15,7 @@ from koord.recheck.terms import INT, Term, Terms
 from koord.recheck.values import Values
 from koord.syntax.types import INT as INTEGER
 from koord.syntax.types import ListType, RecordType
+from tests.sampling import first
 
 pytest.importorskip("cvc5")
 
@@ -51,7 +52,7 @@ def test_division_rounds_down_and_the_remainder_has_the_sign_of_the_divisor(divi
     assert follows(values, facts, t.conjunction(goals))
 
 
-@pytest.mark.parametrize("robots", [1, 2, 3])
+@pytest.mark.parametrize("robots", first(1, [1, 2, 3]))
 def test_places_in_a_ring_are_what_is_left_of_a_division(robots: int) -> None:
     """Of any number of robots: of what goes round once, and all are numbers of robots."""
     known = Values(Terms(), robots)

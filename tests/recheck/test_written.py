@@ -131,6 +131,7 @@ def outcomes(first: int, last: int) -> Counter[str]:
     return count
 
 
+@pytest.mark.slow
 def test_certificates_of_some_programs_are_not_refuted() -> None:
     count = outcomes(0, 4)
     assert count["confirmed"] >= 2

@@ -17,7 +17,7 @@ from tests.sampling import first
 
 
 @pytest.mark.parametrize("failing", [0.0, 0.05])
-@pytest.mark.parametrize("seed", first(6, range(200)))
+@pytest.mark.parametrize("seed", first(2, range(200)))
 def test_whenever_power_is_lost_what_was_told_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int, failing: float
 ) -> None:

@@ -16,7 +16,7 @@ from koord.runtime.configuration.checking import load
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Source
 from tests.environments import ROOT
-from tests.sampling import examples
+from tests.sampling import examples, first
 
 needs_libyaml = pytest.mark.skipif(not yaml.__with_libyaml__, reason="PyYAML without libyaml")
 
@@ -67,35 +67,38 @@ def test_most_configurations_are_read_quickly() -> None:
 @needs_libyaml
 @pytest.mark.parametrize(
     "text",
-    [
-        "a: b",
-        "a: {b: ,c: 1}\n",
-        "a: {b: # c\n  }\n",
-        "a: [b?: 1]\n",
-        "a: [1, b? c]\n",
-        "a: >#\n  b\n",
-        "a: !\n",
-        "a: ! b\n",
-        "a: b\t\n",
-        "a: b\ufeff\n",
-        "\ufeffa: b\n",
-        "a: b\xa0\n",
-        "a: b\u2028c: d\n",
-        "a: b\x85c: d\n",
-        "a: 'b\n  c'\nd: e\n",
-        "%YAML 1.1\n---\na: b\n",
-        "a: {<<: {b: 1}, c: 2}\n",
-        "a: &a {b: 1}\nc: *a\n",
-        "a: " + "[" * 60 + "]" * 60 + "\n",
-        "a: " + "[" * 1_500 + "]" * 1_500 + "\n",
-        "- " * 1_500 + "\n",
-        "a" * 2_000 + ": b\n",
-        "a: 'b\n",
-        "a: {b\n",
-        "a: b: c\n",
-        "a: 1_\nb: 2001-13-01\n",
-        "a: !!bool b\nc: !!int d\ne: !!timestamp f\ng: !!int\nh: !!float\n",
-    ],
+    first(
+        9,
+        [
+            "a: b",
+            "a: {b: ,c: 1}\n",
+            "a: {b: # c\n  }\n",
+            "a: [b?: 1]\n",
+            "a: [1, b? c]\n",
+            "a: >#\n  b\n",
+            "a: !\n",
+            "a: ! b\n",
+            "a: b\t\n",
+            "a: b\ufeff\n",
+            "\ufeffa: b\n",
+            "a: b\xa0\n",
+            "a: b\u2028c: d\n",
+            "a: b\x85c: d\n",
+            "a: 'b\n  c'\nd: e\n",
+            "%YAML 1.1\n---\na: b\n",
+            "a: {<<: {b: 1}, c: 2}\n",
+            "a: &a {b: 1}\nc: *a\n",
+            "a: " + "[" * 60 + "]" * 60 + "\n",
+            "a: " + "[" * 1_500 + "]" * 1_500 + "\n",
+            "- " * 1_500 + "\n",
+            "a" * 2_000 + ": b\n",
+            "a: 'b\n",
+            "a: {b\n",
+            "a: b: c\n",
+            "a: 1_\nb: 2001-13-01\n",
+            "a: !!bool b\nc: !!int d\ne: !!timestamp f\ng: !!int\nh: !!float\n",
+        ],
+    ),
 )
 def test_texts_that_loaders_take_differently_are_read_alike(text: str) -> None:
     _is_quick(text)

@@ -24,6 +24,7 @@ from koord.sim.reading import Reader
 from koord.sim.running import Simulation, run
 from koord.syntax.source import Source
 from tests.runtime.column_twins import PlainHost, program_of
+from tests.sampling import first
 
 #: Robots with sensors of several widths.
 SENSING = """\
@@ -152,7 +153,7 @@ def lifts(whose: str, count: int, claims: str) -> Fitted:
 
 
 @pytest.mark.parametrize("claims", ["", CLAIMS], ids=["unclaimed", "claimed"])
-@pytest.mark.parametrize("every", [7, 1_000])
+@pytest.mark.parametrize("every", first(1, [7, 1_000]))
 @pytest.mark.parametrize("whose", WHOSE)
 def test_runs_are_the_same_however_seldom_somebody_looks(
     whose: str, every: int, claims: str

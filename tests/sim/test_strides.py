@@ -19,6 +19,7 @@ from koord.sim.running import Ending, Simulation, Striding, run
 from koord.sim.strides import Strides
 from koord.syntax.source import Source
 from tests.runtime.column_twins import check_columns
+from tests.sampling import first
 
 #: Robots that go there and back again, each as far as its number says, and tell how often.
 THERE = """\
@@ -139,13 +140,16 @@ ALL = np.arange(2)
 
 @pytest.mark.parametrize(
     ("count", "delta", "leg", "least"),
-    [
-        (2, 0.1, "1.5", 100),
-        (5, 0.2, "1.5", 0),  # poses are recorded within each round
-        (70, 0.1, "1.5", 40),
-        (70, 0.1, "(1.8 - 3.6 * (pid % 2))", 40),  # others are nearest in turn
-        (210, 0.1, "1.5", 4),  # variables are recorded now and then
-    ],
+    first(
+        2,
+        [
+            (2, 0.1, "1.5", 100),
+            (5, 0.2, "1.5", 0),  # poses are recorded within each round
+            (70, 0.1, "1.5", 40),
+            (70, 0.1, "(1.8 - 3.6 * (pid % 2))", 40),  # others are nearest in turn
+            (210, 0.1, "1.5", 4),  # variables are recorded now and then
+        ],
+    ),
 )
 def test_runs_are_the_same(count: int, delta: float, leg: str, least: int) -> None:
     _, strides = both(fleet(count, delta, LEG=leg), 20.0 if count < 50 else 8.0)

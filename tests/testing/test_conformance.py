@@ -12,6 +12,7 @@ from koord.testing.conformance import bench as on_bench
 from koord.testing.conformance.bench import Clock, VirtualClock
 from koord.testing.conformance.peers import OtherSide
 from koord.testing.conformance.running import NAMES, bench_of
+from tests.sampling import first
 from tests.testing.faulty import WIRE, Fault
 
 #: What is deployed for.
@@ -90,7 +91,7 @@ def found(fault: Fault, vehicle: str, *only: str) -> dict[str, Finding]:
     return {one.check: one for one in conform(bench, only or QUICK)}
 
 
-@pytest.mark.parametrize(("fault", "check", "vehicle"), CAUGHT)
+@pytest.mark.parametrize(("fault", "check", "vehicle"), first(13, CAUGHT))
 def test_each_fault_is_caught_by_its_check(fault: Fault, check: str, vehicle: str) -> None:
     assert found(fault, vehicle, check)[check].verdict is Verdict.FAILED
 

@@ -72,6 +72,7 @@ def test_a_program_uses_all_of_the_lab_in_a_simulation(lab: Path) -> None:
     assert again.figures == ran.figures
 
 
+@pytest.mark.slow
 def test_its_program_is_laid_out_and_holds(lab: Path) -> None:
     path = lab / "fetch.krd"
     assert koord.format(path) == path.read_text(encoding="utf-8")

@@ -115,6 +115,7 @@ def test_what_does_not_hold_is_told_with_robot_round_and_text() -> None:
     assert {one["claim"] for one in document["broken"]} == {claim for claim, _ in found}
 
 
+@pytest.mark.slow
 def test_verdicts_that_rest_on_a_broken_contract_are_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -24,6 +24,7 @@ from koord.verify.reduction.slicing import Slices
 from tests.generators.junk import with_junk
 from tests.generators.mutating import mutants
 from tests.loading import EXAMPLES, example_files, example_program, program_of
+from tests.sampling import first
 
 #: Examples with many parts, of each of which many slices are compared.
 LONG = {
@@ -166,11 +167,14 @@ def test_whatever_is_changed_in_a_program_changes_its_form() -> None:
 
 @pytest.mark.parametrize(
     "path",
-    [
-        pytest.param(path, marks=[pytest.mark.slow] if path.stem in LONG else [])
-        for path in example_files()
-        if "broken" not in path.parts
-    ],
+    first(
+        8,
+        [
+            pytest.param(path, marks=[pytest.mark.slow] if path.stem in LONG else [])
+            for path in example_files()
+            if "broken" not in path.parts
+        ],
+    ),
     ids=lambda p: p.stem,
 )
 def test_slices_have_the_same_form_if_their_content_is_the_same(path: Path) -> None:

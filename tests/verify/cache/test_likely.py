@@ -22,6 +22,7 @@ from koord.verify.strategy.table import AskEngine
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Emptiness, Outcome, Report, Verdict
 from tests.loading import program_of
+from tests.sampling import first
 from tests.verify.cache.caching import SHORT, new_cache
 
 #: With few robots everything happens; that `Done` holds rests on `Small`.
@@ -74,7 +75,7 @@ EDITS = {
 }
 
 
-@pytest.mark.parametrize(("old", "new"), EDITS.values(), ids=EDITS)
+@pytest.mark.parametrize(("old", "new"), first(1, EDITS.values()), ids=EDITS)
 def test_of_a_changed_program_the_same_is_said_as_without(old: str, new: str) -> None:
     changed = of(TEXT.replace(old, new))
     found, fresh = after(of(TEXT), changed), verify(changed, SHORT)

@@ -43,6 +43,7 @@ def made(monkeypatch: pytest.MonkeyPatch, depth: int) -> int:
     return most
 
 
+@pytest.mark.slow
 def test_there_are_few_contexts_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
     assert made(monkeypatch, 1) <= 3
 
@@ -51,6 +52,7 @@ def test_what_belongs_to_others_is_not_looked_at(monkeypatch: pytest.MonkeyPatch
     assert made(monkeypatch, 0) == 8
 
 
+@pytest.mark.slow
 def test_contexts_that_are_needed_stay(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(contexts, "depth", lambda: 1)
     kept = [Knot() for _ in range(6)]

@@ -212,6 +212,7 @@ def made_of_parts() -> Build:
     return b
 
 
+@pytest.mark.slow
 def test_records_made_of_parts_are_told_apart_after_all() -> None:
     """Of a record that is made nothing is known but its parts: the replay knows more."""
     assert hidden(made_of_parts()) == {POS}
@@ -237,6 +238,7 @@ def test_only_what_is_open_is_asked_again_of_real_values() -> None:
     assert all(text.endswith("; violated: Low") for text in told[last:])
 
 
+@pytest.mark.slow
 def test_a_dropped_promise_is_kept_after_all() -> None:
     """[EXTERNAL]: answers are chosen such that the whole summary holds, or are none."""
     b = Build("steps")

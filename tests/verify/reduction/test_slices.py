@@ -21,6 +21,7 @@ from koord.verify.reduction.problems import identity
 from koord.verify.reduction.slicing import Slices
 from tests.generators.profiles import FINITE, SYMMETRIC
 from tests.generators.staged import staged
+from tests.sampling import first
 from tests.verify.asking import name_of, of_text
 
 FAMILIES: dict[str, Callable[[Random], System]] = {
@@ -273,7 +274,7 @@ def compare(of: System, seed: int) -> Counter[str]:
     return count
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", first(1, FAMILIES))
 def test_a_slice_breaks_what_its_program_breaks(family: str) -> None:
     seeds = (1084, *range(16))
     count = sum((compare(FAMILIES[family](Random(s)), s) for s in seeds), Counter[str]())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from msgspec.structs import replace
 
 import koord
@@ -79,6 +80,7 @@ def test_what_no_few_robots_break_stays_open() -> None:
     assert "break" not in verdict.reason
 
 
+@pytest.mark.slow
 def test_a_program_for_two_robots_faults_with_others() -> None:
     """Of what is open without being broken it is told of how many robots the text is."""
     report = verify(system_of(protocol_text("peterson")), Bounds(3), Engine.EVERY_N)

@@ -21,7 +21,7 @@ from koord.verify.engines.every_n.questions import GENEROUS, Means
 from koord.verify.strategy import verification
 from koord.verify.verdicts import Bounds, Outcome, Report
 from tests.loading import program_of, protocol_text
-from tests.sampling import but_slow
+from tests.sampling import but_slow, first
 from tests.verify.asking import system_of
 
 #: What is known of the numbers.
@@ -105,7 +105,7 @@ def test_a_search_agrees(robots: int) -> None:
     assert isinstance(proof_of(FEW + KNOWN), ProgressProof)
 
 
-@pytest.mark.parametrize("variant", UNFAIR)
+@pytest.mark.parametrize("variant", first(1, UNFAIR))
 def test_who_is_overtaken_for_ever_is_not_said_to_enter(variant: str) -> None:
     text, old, new = UNFAIR[variant]
     assert old in text

@@ -18,7 +18,7 @@ from koord.verify.engines.every_n.questions import GENEROUS, Means
 from koord.verify.strategy import verification
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.loading import program_of, protocol_text
-from tests.sampling import but_slow
+from tests.sampling import but_slow, first
 from tests.verify.asking import system_of
 
 #: Protocols whose claim about whole runs holds for every number of robots; those take longer.
@@ -104,7 +104,7 @@ def asked(text: str, robots: int, engine: Engine) -> Verdict:
     return verdict
 
 
-@pytest.mark.parametrize("name", but_slow(LONG, (*HOLDING, *LONG)))
+@pytest.mark.parametrize("name", first(2, but_slow(LONG, (*HOLDING, *LONG))))
 def test_who_asks_enters_however_many_there_are(name: str) -> None:
     verdict = asked(protocol_text(name), 2, Engine.EVERY_N)
     assert verdict.outcome is Outcome.HOLDS, verdict.reason
@@ -113,7 +113,7 @@ def test_who_asks_enters_however_many_there_are(name: str) -> None:
     assert bool(verdict.lemmas) is (name != "token_ring")
 
 
-@pytest.mark.parametrize("name", but_slow(LONG_VIOLATED, VIOLATED))
+@pytest.mark.parametrize("name", first(2, but_slow(LONG_VIOLATED, VIOLATED)))
 def test_nobody_who_may_wait_for_ever_is_said_to_enter(name: str) -> None:
     text, robots = VIOLATED[name]
     assert asked(text, 2, Engine.EVERY_N).outcome is Outcome.UNKNOWN

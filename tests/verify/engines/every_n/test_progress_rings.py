@@ -51,6 +51,7 @@ def proof_of(text: str, seed: int) -> ProgressProof | str:
 BACK = ("(pid - 1) % numAgents", "(pid + numAgents - 1) % numAgents")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", but_slow(BACK, (NEXT, *BACK)))
 def test_the_lock_comes_to_who_waits_for_it(index: str) -> None:
     found = [proof_of(handed_to(index), seed) for seed in range(2)]

@@ -89,6 +89,7 @@ invariant Swapped: forall i: x[i] == 0 or x[i] == i + 1
 """
 
 
+@pytest.mark.slow
 def test_what_robots_write_at_one_place_is_one_of_their_values() -> None:
     assert proved(RACE) == {"Somebody", "Own", "no fault"}
     assert broken(RACE, 2) == {"Never", "Swapped"}
@@ -246,6 +247,7 @@ def agreed(first: int, last: int) -> Counter[str]:
     return count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("last", sampled(3, [12]))
 def test_what_is_proved_is_refuted_for_none(last: int) -> None:
     count = agreed(0, last)

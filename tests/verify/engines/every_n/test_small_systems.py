@@ -30,6 +30,7 @@ def samples_of(text: str) -> Sequence[Sample]:
     return sampled(system, Language.of_program(system.program), 0)
 
 
+@pytest.mark.slow
 def test_starts_that_are_hard_to_find_are_given_up_soon(monkeypatch: pytest.MonkeyPatch) -> None:
     tries = 0
     vary = initial_state_search._vary

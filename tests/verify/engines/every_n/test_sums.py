@@ -235,11 +235,13 @@ def shown(text: str) -> set[str]:
     return {claim.name for claim in asked(text, GENEROUS).proved}
 
 
+@pytest.mark.slow
 def test_sums_are_compared_part_by_part() -> None:
     assert shown(ROOM) == {"Within", "Fewer", "Mine", "no fault"}
     assert shown(APART) == {"Not", "Both", "no fault"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("whole", "old", "new", "wrong"),
     first(
