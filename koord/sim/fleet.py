@@ -291,6 +291,16 @@ class Fleet:
         members.group.stop(row)
 
     @property
+    def squads(self) -> Sequence[tuple[Squad, Ints]]:
+        """The squads, with the numbers of their robots."""
+        return self._squads
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all robots are simulated."""
+        return self._only is None
+
+    @property
     def only_squad(self) -> FusedSquad | None:
         """The squad that has all robots, if it makes several ticks in one call."""
         return self._fused[0] if self._is_one else None

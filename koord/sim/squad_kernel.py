@@ -20,9 +20,9 @@ from msgspec import Struct
 from koord.machine.code import BYTES, I64, Code, Ir, new_module, word
 from koord.machine.kept import kept
 from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes, widest
-from koord.runtime.motion.arrays import Floats, lengths
+from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 from koord.runtime.motion.bodies import Drone
-from koord.runtime.motion.group import TICK_S
+from koord.runtime.motion.group import TICK_S, Group
 from koord.sim.disturbances import Disturbances
 from koord.sim.run_log import tilts_of
 from koord.sim.squads import STEP_S, STEPS, Seed, SquadSetup
@@ -71,6 +71,10 @@ def is_undisturbed(disturbances: Disturbances) -> bool:
 
 class FusedDrones:
     """A squad of drones whose ticks are made by machine code, several in one call."""
+
+    #: Where in the table of arrays those stand that are others at each tick.
+    moving = tuple(map(TABLE.index, ("times", "places", "short")))
+    table_size = len(TABLE)
 
     def __init__(self, setup: SquadSetup) -> None:
         drone, start = setup.model.body, np.ascontiguousarray(setup.start)
@@ -178,7 +182,33 @@ class FusedDrones:
         )
         return SquadArrays(whole, written, tilts)
 
-    def pass_ticks(self, position: Floats, short: Floats) -> None:
+    def room_for(self, ticks: int) -> None:
+        """What ticks need there is."""
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        return (self.group,)
+
+    @property
+    def route_room(self) -> int:
+        """How many points there is room for in each route."""
+        return len(self.group.routes.s[0])
+
+    @property
+    def state(self) -> Ints:
+        """The states of automata."""
+        return self.group.automata.state
+
+    @property
+    def reached(self) -> Bools:
+        """Who is where it was to go."""
+        return self.group.automata.reached
+
+    @property
+    def heading(self) -> Floats:
+        return self._heading
+
+    def pass_ticks(self, ticks: int, position: Floats, short: Floats) -> None:
         """Note an even number of ticks that were made: where drones are, and how far from goals."""
         self.position, self._short = position, (short, self.group.routes.changes)
 

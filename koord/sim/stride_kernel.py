@@ -30,7 +30,7 @@ TABLE = (
     *("last", "ways", "pairs", "pair_count", "since", "found", "is_listed", "limits"),
     *("squares", "nearest", "automata", "stopped", "lingering", "lingering_s", "moments"),
     *("reached", "heard", "heard_count", "seen", "seen_count"),
-    *("tilts", "all_states", "all_tilts"),
+    *("tilts", "all_states", "all_tilts", "heading", "all_headings"),
 )
 
 #: Numbers of a call of a guard and of a look: the function, and what it is given behind the state.
@@ -172,7 +172,8 @@ class _Stride:
         for name, value in (("times", times), ("places", places), ("short", short)):
             self.code.put(self.at("squad"), WORD_BYTES * self.moving[name], value)
         given = [self.of[name] for name in ("squad", "count", "room", "ticks", "steps")]
-        self.code.called(self.of["tick"], given)
+        in_doubt = self.code.called(self.of["tick"], given)
+        self.unless(b.icmp_signed("!=", in_doubt, word(0)), undone)
         self.measure(first, places, undone)
         self.watch(now, short, undone)
         self.hear(undone)
@@ -181,6 +182,8 @@ class _Stride:
         words = self.by(count, WORD_BYTES)
         states = b.add(self.of["all_states"], self.by(now, words))
         self.copy(states, self.of["automata"], word(0), count, I64, WORD_BYTES)
+        headings = b.add(self.of["all_headings"], self.by(now, words))
+        self.copy(headings, self.of["heading"], word(0), count, I64, WORD_BYTES)
         tilts = b.add(self.of["all_tilts"], self.by(now, self.by(count, _PLACE)))
         self.copy(tilts, self.of["tilts"], word(0), self.by(count, 3), I64, WORD_BYTES)
 

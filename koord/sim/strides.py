@@ -23,15 +23,15 @@ from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.group import TICK_S
 from koord.runtime.proposals import Decision
 from koord.sim.claims import Watching
+from koord.sim.fleet_kernel import FusedFleet
 from koord.sim.gauge_kernel import CompiledGoing
 from koord.sim.observing import nothing
 from koord.sim.reading import WholeSensors
 from koord.sim.running import Simulation
-from koord.sim.squad_kernel import TABLE as SQUAD_TABLE
 from koord.sim.squad_kernel import FusedDrones, tilts_by
 from koord.sim.squads import STEPS
 from koord.sim.standing_kernel import CompiledWatchman
-from koord.sim.stride_kernel import MOVING, TABLE, address_of, striding_code
+from koord.sim.stride_kernel import TABLE, address_of, striding_code
 from koord.sim.vehicles.compiled_automata import Table
 
 _Calls: TypeAlias = Sequence[tuple[Callable[..., int], tuple[int, ...]]]
@@ -46,7 +46,6 @@ _FEW, _FIRST_WAIT, _MOST_WAIT = 3, 1, 64
 #: Where a stride ends sooner than it has to, a robot arrives mostly, and acts in the next round.
 _AFTER = 2
 
-_MOVING = tuple(map(SQUAD_TABLE.index, MOVING))
 _PLACES = {name: place for place, name in enumerate(TABLE)}
 
 
@@ -56,11 +55,15 @@ class Strides:
     @staticmethod
     def of(run: Simulation) -> Strides | None:
         """What makes rounds of a run; None if there is none for runs of its kind."""
-        engine, squad = run.engine, run.fleet.only_squad
+        engine, squad = run.engine, run.fleet.only_squad or FusedFleet.of(run.fleet)
         sensors = None if run.reader is None else run.reader.whole()
         if type(run) is not Simulation or type(engine) is not ColumnEngine or sensors is None:
             return None
-        if engine.fleet is None or not isinstance(squad, FusedDrones) or len(run.cast.kinds) < 2:
+        if (
+            engine.fleet is None
+            or not isinstance(squad, FusedDrones | FusedFleet)
+            or len(run.cast.kinds) < 2
+        ):
             return None
         if type(run.schedule) is not Deployed or engine.has_models or run.host.told_more:
             return None
@@ -80,6 +83,7 @@ class Strides:
         if abs(ticks - round(ticks)) > 1e-9 or round(ticks) % 2:
             return None  # states are in two blocks in turn
         of_claims = [call for calls in looks if calls is not None for call in calls]
+        squad.room_for(round(ticks))
         parts = _Parts(run, engine, squad, columns, sensors, watching)
         return Strides(parts, guards, of_claims)
 
@@ -97,13 +101,13 @@ class Strides:
         self._wait = self._left = 0
         self._tilt = bool(run.recorder.recording.header.tilting)
         self._nobody: Bools = np.zeros(count, np.bool_)
-        self._squad_table = Table(len(SQUAD_TABLE))
+        self._squad_table = Table(parts.squad.table_size)
         self._table: Ints = np.zeros(len(TABLE), np.int64)
         self._numbers: Floats = np.zeros(6)  # of a round, what was found, and limits
         self._known: tuple[Any, ...] = ()
         self._room: NDArray[np.uint8] = np.zeros(0, np.uint8)  #: for states that are kept
         self._held: dict[str, NDArray[Any]] = {}  #: arrays that the table points to
-        self._stride = striding_code(_MOVING)
+        self._stride = striding_code(parts.squad.moving)
         state: Ints = np.array(columns.state, np.int64)
         # Claims are given all, the state first.
         behind = [(function, given[len(state) :]) for function, given in looks]
@@ -138,10 +142,11 @@ class Strides:
     def _possible(self, until_s: float) -> int:
         """How many rounds may be made now: none where something is to be looked at first."""
         run, squad = self._of.run, self._of.squad
-        group = squad.group
-        if run.acted or group.targets or group.plights or not run.watchman.is_calm:
+        if run.acted or not (run.watchman.is_calm and squad.is_settled):
             return 0
-        if not (run.engine.is_idle(run.decision) and squad.is_settled) or group.orders.any():
+        if any(of.targets or of.plights or of.orders.any() for of in squad.groups):
+            return 0
+        if not run.engine.is_idle(run.decision):
             return 0
         if self._going.is_to_be_listed:
             return 0
@@ -174,8 +179,8 @@ class Strides:
 
     def _point(self, now_s: float) -> None:
         """Point to the arrays that there are now."""
-        group, lingering = self._of.squad.group, self._watchman.lingering
-        arrays = self._of.squad.arrays(now_s)
+        squad, lingering = self._of.squad, self._watchman.lingering
+        arrays = squad.arrays(now_s)
         now = (*arrays.whole, lingering.at)
         if len(now) == len(self._known) and all(map(is_, now, self._known)):
             return
@@ -193,12 +198,13 @@ class Strides:
         blocks += [(array.ctypes.data, array.nbytes) for array in own]
         reached = [told.ctypes.data for told in self._of.sensors.reached]
         self._set(
-            *(("room", group.routes.s.shape[1]), ("ways", self._going.ways_m)),
-            *(("automata", group.automata.state), ("reached", group.automata.reached)),
+            *(("room", squad.route_room), ("ways", self._going.ways_m)),
+            *(("automata", squad.state), ("reached", squad.reached)),
             *(("lingering", lingering.at), ("lingering_s", lingering.since_s)),
             *(("heard", np.array(reached, np.int64)), ("heard_count", len(reached))),
             *(("seen", np.array(seen, np.int64)), ("seen_count", len(seen))),
             *(("kept", self._kept(blocks)), ("kept_count", len(blocks)), ("tilts", arrays.tilts)),
+            ("heading", squad.heading),
         )
 
     def _kept(self, blocks: Sequence[tuple[int, int]]) -> Ints:
@@ -222,6 +228,7 @@ class Strides:
             np.empty((rounds, count)),
             np.empty((rounds, count), np.int64),
             np.empty((rounds, 3, count)),
+            np.empty((rounds, count)),
             np.empty(rounds * ticks),
             np.empty(rounds * ticks, np.int64),
         )
@@ -230,7 +237,12 @@ class Strides:
         self._set(
             *(("times", times_s), ("began", ended_s - delta_s), ("ended", ended_s)),
             *(("places", made.places), ("short", made.short), ("all_states", made.states)),
-            *(("all_tilts", made.tilts), ("squares", made.squares), ("nearest", made.nearest)),
+            *(
+                ("all_tilts", made.tilts),
+                ("all_headings", made.headings),
+                ("squares", made.squares),
+                ("nearest", made.nearest),
+            ),
             *(("last", self._going.last), ("is_listed", int(self._going.is_listed))),
             *(("pairs", pairs), ("pair_count", pair_count), ("since", since)),
         )
@@ -244,7 +256,7 @@ class Strides:
             Decision(number, (), run.schedule.order(number, len(run.engine.robots)), ())
             for number in range(first, first + done)
         ]
-        at_first = run.fleet.positions()
+        at_first = self._going.last
         ended_s = [(began + k + 1) * TICK_S for k in range(done * ticks)]
         distances = np.sqrt(made.squares)
         run.observer.pass_idle(first, done)
@@ -253,11 +265,11 @@ class Strides:
         at_ends = slice(ticks - 1, None, ticks)
         poses = np.zeros((done, self._count, 6), np.float32)
         poses[:, :, :3] = made.places[at_ends]
-        poses[:, :, 3] = of.squad.truth()[1]
+        poses[:, :, 3] = made.headings
         if self._tilt:
             poses[:, :, 4:] = tilts_by(made.tilts.transpose(1, 0, 2))
         run.observer.pass_ticks(run.fleet, ended_s[at_ends], poses, distances[at_ends])
-        of.squad.pass_ticks(made.places[-1], made.short[-1].copy())
+        of.squad.pass_ticks(len(ended_s), made.places[-1], made.short[-1].copy())
         run.host.pass_idle(done, done * ticks)
         for name, _, _, _ in of.sensors.places:
             of.columns.know(self._kind, name)
@@ -277,7 +289,7 @@ class _Parts(Struct, frozen=True, eq=False):
 
     run: Simulation
     engine: ColumnEngine
-    squad: FusedDrones
+    squad: FusedDrones | FusedFleet
     columns: Columns
     sensors: WholeSensors
     watching: list[Watching]
@@ -290,6 +302,7 @@ class _Rounds(Struct, frozen=True, eq=False):
     short: Floats  #: how far robots are from their goals, of each round
     states: Ints  #: of automata, of each round
     tilts: Floats  #: what roll and pitch are worked out of, ``(rounds, 3, n)``
+    headings: Floats  #: of each round
     squares: Floats  #: of the least distance, after each tick
     nearest: Ints  #: which pair that is
 
@@ -300,7 +313,7 @@ class _Rounds(Struct, frozen=True, eq=False):
         by_tick = slice(0, done * ticks)
         return _Rounds(
             self.places[by_tick],
-            *(self.short[:done], self.states[:done], self.tilts[:done]),
+            *(self.short[:done], self.states[:done], self.tilts[:done], self.headings[:done]),
             *(self.squares[by_tick], self.nearest[by_tick]),
         )
 

@@ -11,8 +11,44 @@ STANDING = "tests/sim/test_compiled_standing.py"
 MEASURING = "tests/sim/test_compiled_measuring.py"
 CURVES = "tests/runtime/motion/test_compiled_curves.py"
 ROUTES = "tests/runtime/motion/test_compiled_routes.py"
+STRIDES = "tests/sim/test_strides.py"
 
 LANES = (
+    Mutant(
+        "cars that may touch something stride on",
+        "sim.fleet_kernel._CarsCode._use_room",
+        "self._doubt(b.not_(zero.is_at_most(left)))",
+        "pass",
+        (STRIDES,),
+    ),
+    Mutant(
+        "cars that have missed their ways stride on",
+        "sim.fleet_kernel._CarsCode.ticks",
+        "self._doubt(b.icmp_signed('!=', missed, word(0)))",
+        "pass",
+        (STRIDES,),
+    ),
+    Mutant(
+        "rounds are kept that machine code is in doubt of",
+        "sim.stride_kernel._Stride.round",
+        "self.unless(b.icmp_signed('!=', in_doubt, word(0)), undone)",
+        "pass",
+        (STRIDES,),
+    ),
+    Mutant(
+        "room that cars have used up in strides is still there",
+        "sim.vehicles.contact.Floor.roamed",
+        "(left_m, True)",
+        "(self.room.left_m, True)",
+        (STRIDES,),
+    ),
+    Mutant(
+        "places of squads are not joined",
+        "sim.fleet_kernel._PartCode.show_place",
+        "self.number(robot)",
+        "robot",
+        (STRIDES,),
+    ),
     Mutant(
         "curves from the goal are sought from the start",
         "runtime.motion.compiled_curves._write_shortest",

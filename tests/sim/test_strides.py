@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +15,13 @@ from koord.api.fitting import FitRequest, Fitted, fit
 from koord.api.sim_setup import simulation
 from koord.runtime.columns.engine import ColumnEngine
 from koord.runtime.configuration.checking import load
+from koord.runtime.motion.driving import Driving
 from koord.runtime.proposals import Decision
 from koord.sim.running import Ending, Simulation, Striding, run
 from koord.sim.strides import Strides
+from koord.sim.vehicles.compiled_contact import CompiledCars
+from koord.sim.vehicles.compiled_tracking import TrackedSquad
+from koord.sim.vehicles.room import Room
 from koord.syntax.source import Source
 from tests.runtime.column_twins import check_columns
 from tests.sampling import first
@@ -124,18 +129,92 @@ def both(fitted: Fitted, time_s: float) -> tuple[Simulation, int]:
 
 
 def _states(made: Simulation) -> Iterator[np.ndarray]:
-    squad = made.fleet.only_squad
-    assert squad is not None
-    group, watchman = squad.group, made.watchman
-    yield from (group.s, group.speed, squad.attitude(), *squad.truth(), made.fleet.tilts(ALL))
-    automata = group.automata
-    yield from (automata.state, automata.since_s, automata.reached, automata.has_route)
+    watchman = made.watchman
+    for squad, _ in made.fleet.squads:
+        group, automata = squad.group, squad.group.automata
+        yield from (group.s, group.speed, squad.attitude(), *squad.truth(), made.fleet.tilts(ALL))
+        yield from (automata.state, automata.since_s, automata.reached, automata.has_route)
+        if isinstance(squad, TrackedSquad):
+            assert isinstance(squad.vehicles, CompiledCars)
+            cars, law = squad.vehicles, squad.tracker
+            assert isinstance(law, Driving)
+            assert law.controller is not None
+            model, floor = cars.own_model(), cars.floor
+            yield from (model.speed, model.steering, floor.bodies, np.array([floor.room.left_m]))
+            yield from (squad.command, law.inputs, law.legs.way, law.legs.waited)
+            yield law.controller.kept
+            yield np.array([squad.phase])
     yield from (watchman.lingering.at, watchman.lingering.since_s, made.gauge.going.last)
     yield from (made.host.sensed.position, made.host.sensed.short_m, made.host.sensed.state)
     yield np.array([watchman.now_s, watchman.still_s, watchman.sees_some_go])
 
 
 ALL = np.arange(2)
+
+
+def of_cars(count: int, kinds: str = "car quad", more: str = "", **words: str) -> Fitted:
+    """A fleet of cars and drones in turn, or of what else kinds says."""
+    text = THERE
+    for word, value in {**USUAL, **words}.items():
+        text = text.replace(word, value)
+    side, named = math.ceil(math.sqrt(count)), kinds.split()
+    lines = ["delta: 0.1", "devices:"]
+    lines += ["    car: {bot_type: CAR, planner: RRT_CAR}"]
+    lines += ["    shaky: {bot_type: CAR, planner: RRT_CAR, simulation: {noise: {position: 0.01}}}"]
+    lines += ["    keen: {bot_type: CAR, planner: RRT_CAR, simulation: {visit: {epsilon: 0.004}}}"]
+    lines += ["    wide: {bot_type: CAR, planner: RRT_CAR, simulation: {planning: {takes: 0.05}}}"]
+    lines += ["    quad: {bot_type: QUAD, planner: STRAIGHT}", "agents:"]
+    for k in range(count):
+        kind = named[k % len(named)]
+        place = [4 * (k // side), 2.5 * (k % side), 1 if kind == "quad" else 0]
+        lines.append(f"    - {{pid: {k}, on_device: {kind}, position: {place}}}")
+    lines.append("world: {bounds: {low: [-4, -4, 0], high: [90, 90, 3]}}")
+    source = Source("there.krd", text)
+    loaded = load(Source("fleet.yaml", "\n".join(lines) + "\n" + more))
+    return fit(FitRequest(source, loaded, (), {}))
+
+
+@pytest.mark.parametrize(
+    ("count", "leg", "least"),
+    [
+        (2, "1.5", 60),
+        (7, "(1.5 + 0.2 * pid)", 20),
+        (9, "(1.9 - 3.8 * (pid % 2))", 20),  # some come near to each other
+        (72, "1.5", 20),
+    ],
+)
+def test_cars_among_drones_stride_too(count: int, leg: str, least: int) -> None:
+    _, strides = both(of_cars(count, LEG=leg), 16.0 if count < 50 else 6.0)
+    assert strides >= least
+
+
+def test_cars_that_may_touch_something_do_not_stride(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cars that drive towards each other: pymunk is not asked, and then it is."""
+    looked, suffices = [], Room.suffices
+
+    def noted(room: Room, *given: Any) -> bool:
+        looked.append(suffices(room, *given))
+        return looked[-1]
+
+    monkeypatch.setattr(Room, "suffices", noted)
+    made, strides = both(of_cars(4, more="monitor: {safety: 0.1}\n", LEG="(2 - 2.0 * pid)"), 9.0)
+    assert strides > 10
+    assert {*looked} == {True, False}
+    assert made.fleet.touched(0)
+
+
+def test_cars_that_miss_their_ways_plan_anew() -> None:
+    made, strides = both(of_cars(4, "keen quad"), 16.0)
+    assert strides > 10
+    given = made.fleet.squads[0][0].group.routes.given.max()
+    assert given > 2 + made.figures().robots[0].events
+
+
+@pytest.mark.parametrize("kinds", ["shaky quad", "car wide quad", "car"])
+def test_fleets_of_other_kinds_make_rounds_one_by_one(kinds: str) -> None:
+    """Cars that are measured by chance, cars of two kinds on one floor, and cars without drones."""
+    _, strides = both(of_cars(4, kinds), 5.0)
+    assert strides == 0
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,23 @@ class CompiledCars(CompiledColliding):
         super().__init__(model, hull, floor)
         assert isinstance(model, Bicycles)
         self._cars = model
-        self._roams = _roamer(model.car, hull, _width())
+        self.code = _roamer(model.car, hull, _width())  #: of steps that nothing touches
+        self.floor = floor
+        self._own: tuple[Floats, ...] = tuple(np.empty(len(model.heading)) for _ in range(3))
+
+    def own_model(self) -> Bicycles:
+        """The model, with headings, speeds and steering in arrays that stay, to be written over."""
+        cars = self._cars
+        now = cars.heading, cars.speed, cars.steering
+        for own, given in zip(self._own, now, strict=True):
+            if own is not given:
+                own[:] = given
+        cars.heading, cars.speed, cars.steering = self._own
+        return cars
+
+    def told(self, command: Floats) -> None:
+        """Note what cars were commanded last."""
+        self._command = command
 
     def roam(self, state: Floats, dt_s: float, steps: int) -> None:
         cars = self._cars
@@ -83,7 +99,7 @@ class CompiledCars(CompiledColliding):
         command = np.ascontiguousarray(self._command)
         cars.steering, shown = cars.steering.copy(), np.empty((len(state), _SHOWN))
         arrays = (self._dt, state, command, cars.steering, shown)
-        self._roams(*map(address, arrays), len(state), steps)
+        self.code(*map(address, arrays), len(state), steps)
         self._see(shown, state)
 
     def push(self, state: Floats, force: Floats, dt_s: float) -> None:

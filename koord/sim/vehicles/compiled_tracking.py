@@ -48,12 +48,15 @@ from koord.sim.vehicles.compiled_automata import (
 from koord.sim.vehicles.compiled_driving import CompiledPredictive, write_solver
 
 #: What the machine code is given the addresses of, in this order.
-_ARRAYS = (
+ARRAYS = (
     *("constants", "position", "heading", "velocity", "command", "inputs", "kept"),
     *("legs_way", "waited", "missed", "s", "speed", *AUTOMATA),
     *("length", "size", "route_s", "speed2", "points", "course", "turn"),
     *("curvature", "leg_end", "way", "going", "told", "held", "found", "who"),
 )
+
+#: Those that it writes over, besides what it needs within a tick.
+WRITTEN = (*("command", "inputs", "kept", "legs_way", "waited", "missed", "s", "speed", *AUTOMATA),)
 
 #: Numbers that it is given, in this order; the last is the solver's.
 _CONSTANTS = (*VISIT, "slowest")
@@ -75,14 +78,15 @@ class TrackedSquad(WheeledSquad):
         assert isinstance(controller, CompiledPredictive)
         count, width, problem = len(setup.start), widest(), controller.problem
         self._law, self._kept = law, controller.kept
+        self.disturbances = setup.model.disturbances
         self._own = OwnAutomata(setup.group)
-        self._step = tracking_code(_Kind(law.car, problem, setup.group.routes.pace), width)
-        self._table = Table(len(_ARRAYS))
+        self.code = tracking_code(_Kind(law.car, problem, setup.group.routes.pace), width)
+        self._table = Table(len(ARRAYS))
         self._constants: Floats = np.full(len(_CONSTANTS), CREEP_MPS)
         self._missed: Bools = np.zeros(count, np.bool_)
         self._going: Bools = np.zeros(count, np.bool_)
         # Of those who are steered, side by side; lanes of the last register may be left over.
-        self._room = room = -(-count // width) * width
+        self.columns = room = -(-count // width) * width
         self._steered = (
             *(np.empty((problem.told_rows, room)), np.empty((problem.kept_rows, room))),
             *(np.empty((INPUT_ROWS, room)), np.empty(room, np.int64)),
@@ -90,13 +94,33 @@ class TrackedSquad(WheeledSquad):
 
     def _track(self, position: Floats, heading: Floats, now_s: float, *, acts: bool) -> None:
         group = self.group
-        self._constants[: len(VISIT)] = self._own.visit(now_s)
-        self._table.point_to(0, self._constants, *map(np.ascontiguousarray, (position, heading)))
-        self._table.point_to(3, np.ascontiguousarray(self.vehicles.speed), *self._arrays())
-        sizes = group.count, group.routes.s.shape[1], self._room
-        missed = self._step(self._table.address, *sizes, acts)
+        state = map(np.ascontiguousarray, (position, heading, self.vehicles.speed))
+        self._table.point_to(0, *self.arrays(now_s, *state))
+        sizes = group.count, group.routes.s.shape[1], self.columns
+        missed = self.code(self._table.address, *sizes, acts)
         if missed:
             group.replan(np.flatnonzero(self._missed).tolist())
+
+    @property
+    def phase(self) -> int:
+        """The number of ticks since the law has acted first, if one counts from there each time."""
+        return self._ticks % self._every
+
+    @property
+    def command(self) -> Floats:
+        """What cars are commanded, shape ``(n, 2)``; it is written over."""
+        return self._command
+
+    def pass_ticks(self, ticks: int) -> None:
+        """Note ticks that were made."""
+        self._ticks += ticks
+
+    def arrays(
+        self, now_s: float, position: Floats, heading: Floats, speed: Floats
+    ) -> tuple[Any, ...]:
+        """The arrays that a tick is given, in the order of their names."""
+        self._constants[: len(VISIT)] = self._own.visit(now_s)
+        return self._constants, position, heading, speed, *self._arrays()
 
     def _arrays(self) -> tuple[Any, ...]:
         """The arrays of the squad, in the order of their names from commands on."""
@@ -139,7 +163,7 @@ def _tracking(kind: _Kind, width: int) -> Ir:
     code = Code(module, "track", [BYTES, *[I64] * 4], I64)
     table, count, room, columns, acts = code.arguments
     b = code.b
-    arrays = arrays_of(code, table, _ARRAYS)
+    arrays = arrays_of(code, table, ARRAYS)
     lanes = Lanes(code, 1)
     numbers = numbers_of(lanes, arrays["constants"], _CONSTANTS)
     acts = b.icmp_signed("!=", acts, word(0))

@@ -64,11 +64,11 @@ class Floor:
         self._state, self._forces = batch.Buffer(), batch.Buffer()
         self._force: Floats = np.zeros((1, 3))
         #: States of bodies, shape ``(n, 6)``, and each group's part of them.
-        self._bodies: Floats = np.zeros((0, _NUMBERS))
+        self.bodies: Floats = np.zeros((0, _NUMBERS))
         self._views: list[tuple[Colliding, Floats]] = []
         self._is_behind = False  #: pymunk has not been told where bodies are
-        self._radius_m = 0.0  #: of a circle about each body
-        self._room = Room(self._add_world(world))
+        self.radius_m = 0.0  #: of a circle about each body
+        self.room = Room(self._add_world(world))
 
     def join(self, vehicles: Colliding, bodies: list[int]) -> None:
         """Add vehicles, by the numbers of their bodies; not after time has begun to pass."""
@@ -77,9 +77,9 @@ class Floor:
         self._parts.append((vehicles, slice(first, len(self._numbers))))
         # pymunk lists the body of the world as well, behind the vehicles: no force acts on it.
         self._force = np.zeros((len(self._numbers) + 1, 3))
-        self._radius_m = max(self._radius_m, vehicles.hull.radius_m)
-        self._bodies = self._read()[:-1].copy()
-        self._views = [(members, self._bodies[rows]) for members, rows in self._parts]
+        self.radius_m = max(self.radius_m, vehicles.hull.radius_m)
+        self.bodies = self._read()[:-1].copy()
+        self._views = [(members, self.bodies[rows]) for members, rows in self._parts]
 
     def advance(self, dt_s: float, steps: int) -> None:
         """Give commands to some vehicles; with the last ones the steps are made."""
@@ -87,7 +87,7 @@ class Floor:
         if self._told < len(self._parts):
             return
         self._told = 0
-        if self._room.suffices(self._bodies, self._radius_m, dt_s * steps, GRIP_MPS2):
+        if self.room.suffices(self.bodies, self.radius_m, dt_s * steps, GRIP_MPS2):
             for vehicles, state in self._views:
                 vehicles.roam(state, dt_s, steps)
             self._is_behind = True
@@ -101,9 +101,17 @@ class Floor:
             self._forces.set_float_buf(self._force)
             batch.set_space_bodies(self.space, _WRITE, self._forces)
             self.space.step(dt_s)
-        self._bodies[:] = self._read()[:-1]
+        self.bodies[:] = self._read()[:-1]
         for vehicles, state in self._views:
             vehicles.show(state)
+
+    def is_of(self, vehicles: Colliding) -> bool:
+        """Return whether all bodies are those of some vehicles."""
+        return [members for members, _ in self._parts] == [vehicles]
+
+    def roamed(self, left_m: float) -> None:
+        """Note steps that nothing touched, and how far vehicles may still move without a look."""
+        self.room.left_m, self._is_behind = left_m, True
 
     def touched(self, body: pymunk.Body) -> tuple[Touched, ...]:
         """The contacts of a vehicle."""
@@ -128,8 +136,8 @@ class Floor:
 
     def _write(self) -> None:
         """Tell pymunk where bodies are, and how they move."""
-        told: Floats = np.zeros((len(self._bodies) + 1, _NUMBERS))  # the world's stays at rest
-        told[:-1] = self._bodies
+        told: Floats = np.zeros((len(self.bodies) + 1, _NUMBERS))  # the world's stays at rest
+        told[:-1] = self.bodies
         self._forces.set_float_buf(told)
         batch.set_space_bodies(self.space, _READ, self._forces)
         self._is_behind = False

@@ -14,10 +14,10 @@ import numpy as np
 from koord.runtime.motion.arrays import Floats
 
 #: Further than this is not looked: a look is true until somebody may have moved so far.
-_FURTHEST_M = 0.5
+FURTHEST_M = 0.5
 
 #: What rounding may hide.
-_SLACK_M = 1e-6
+SLACK_M = 1e-6
 
 
 class Room:
@@ -28,8 +28,8 @@ class Room:
     """
 
     def __init__(self, walls: Floats) -> None:
-        self._walls = walls
-        self._left_m = -1.0
+        self.walls = np.ascontiguousarray(walls)
+        self.left_m = -1.0  #: how far all may still move
 
     def suffices(self, state: Floats, radius_m: float, span_s: float, accel_mps2: float) -> bool:
         """Return whether nobody can touch anything for so long, and count that it passes.
@@ -39,11 +39,11 @@ class Room:
         without contact; else nothing is counted on.
         """
         square = state[:, 3] * state[:, 3] + state[:, 4] * state[:, 4]
-        most_m = (math.sqrt(square.max()) + accel_mps2 * span_s) * span_s + _SLACK_M
-        if not most_m <= self._left_m:
-            self._left_m = room_m(state[:, :2], radius_m, self._walls)
-        self._left_m -= most_m
-        return self._left_m >= 0.0
+        most_m = (math.sqrt(square.max()) + accel_mps2 * span_s) * span_s + SLACK_M
+        if not most_m <= self.left_m:
+            self.left_m = room_m(state[:, :2], radius_m, self.walls)
+        self.left_m -= most_m
+        return self.left_m >= 0.0
 
 
 def room_m(middles: Floats, radius_m: float, walls: Floats) -> float:
@@ -57,7 +57,7 @@ def room_m(middles: Floats, radius_m: float, walls: Floats) -> float:
     least2 = float((aside * aside + above * above).min(initial=np.inf))
     if not least2 >= 0.0:
         return -1.0
-    room = min(math.sqrt(least2) - radius_m, _FURTHEST_M)
+    room = min(math.sqrt(least2) - radius_m, FURTHEST_M)
     # Each is held against the next along the axis, the one after that, and so on.
     axis = int(np.ptp(middles, axis=0).argmax())
     along = middles[np.argsort(middles[:, axis], kind="stable")]
