@@ -174,7 +174,7 @@ SIMULATED = (
     Mutant(
         "room is not used up",
         "sim.vehicles.room.Room.suffices",
-        "self._left_m -= most_m",
+        "self.left_m -= most_m",
         "self._left_m -= 0.0",
         (ROOM,),
     ),
