@@ -13,8 +13,9 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from koord.api.story_page import Stories, page_of
@@ -28,13 +29,15 @@ ROOT = FOLDER.parent
 EXAMPLES = ROOT / "specs" / "examples"
 
 #: What of pyodide a browser loads.
-PYODIDE = ("pyodide.mjs", "pyodide.asm.mjs", "pyodide.asm.wasm", "python_stdlib.zip")
+PYODIDE = ("pyodide.mjs", "pyodide.asm.mjs", "pyodide.asm.wasm")
 
 #: What browsers have Python for, as wheels name it: that of the pinned pyodide.
 PYTHON, PLATFORM = "3.14", "pyemscripten_2026_0_wasm32"
 
 #: Files of wheels that nobody loads there.
-_NOT_LOADED = re.compile(r"\.h$|\.pyi$|\.dist-info/|/examples/|/allies/|^bin/|^z3/include/")
+_NOT_LOADED = re.compile(
+    r"\.(h|pyi)$|\.so\.[\d.]+$|\.(dist-info|data)/|/(examples|allies)/|^z3/include/"
+)
 
 #: Rooms of koord that the public API asks nothing of, as far as it is asked here.
 _NOT_ASKED = re.compile(r"koord/(cli|lsp|plugins|testing|recheck|api/template)/")
@@ -116,20 +119,16 @@ def sources() -> Iterator[tuple[str, Path]]:
             yield name, path
 
 
-def packages(made: Path, folder: Path) -> None:
-    """Write the archive of all packages, compiled. Raises BuildError."""
-    modules()
-    gathered = made.with_suffix(".sources.zip")
-    with zipfile.ZipFile(gathered, "w") as archive:
-        for wheel in wheels(folder):
+def gather(made: Path, packed_wheels: Iterable[Path]) -> None:
+    """Write an archive of all sources: those of wheels, and those of this tree."""
+    with zipfile.ZipFile(made, "w") as archive:
+        for wheel in packed_wheels:
             with zipfile.ZipFile(wheel) as packed:
                 for name in packed.namelist():
                     if not _NOT_LOADED.search(name) and not name.endswith("/"):
                         archive.writestr(name, packed.read(name))
         for name, path in sources():
             archive.write(path, name)
-    _call(["node", str(FOLDER / "compile.mjs"), str(gathered), str(made)], FOLDER, BuildError)
-    gathered.unlink()
 
 
 # --- the page -------------------------------------------------------------------------------------
@@ -196,9 +195,13 @@ def build(folder: Path) -> None:
     """Build the playground in a folder. Raises BuildError."""
     pyodide = modules()
     (folder / "pyodide").mkdir(parents=True, exist_ok=True)
-    packages(folder / "packages.zip", ROOT / "build" / "playground-wheels")
     for name in PYODIDE:
         shutil.copyfile(pyodide / name, folder / "pyodide" / name)
+    with tempfile.TemporaryDirectory() as name:
+        gathered = Path(name) / "packages.zip"
+        gather(gathered, wheels(ROOT / "build" / "playground-wheels"))
+        parts = [str(path) for path in (pyodide / "python_stdlib.zip", gathered, folder)]
+        _call(["node", str(FOLDER / "compile.mjs"), *parts], FOLDER, BuildError)
     # The packages that pyodide knows are elsewhere, where nobody is to ask for them.
     known = json.loads((pyodide / "pyodide-lock.json").read_text("utf-8"))
     lock = json.dumps({**known, "packages": {}})

@@ -124,7 +124,6 @@ class Playground {
   mark() {
     const isStale = this.shown !== null && this.shown !== this.editor.text;
     document.querySelector(".showing").classList.toggle("stale", isStale);
-    byId("about").title = isStale ? "of an earlier text" : "";
   }
 
   // --- requests ---------------------------------------------------------------------------------

@@ -7,17 +7,40 @@ const OFTEN_MS = 80;
 
 const say = (kind, more) => postMessage({ kind, ...more });
 
-async function bytes(path) {
+/** The bytes of a file that is packed; the browser unpacks it beside whatever goes on here. */
+async function unpacked(path) {
   const answer = await fetch(path);
-  if (!answer.ok) throw new Error(`${path}: ${answer.status}`);
-  return answer.arrayBuffer();
+  if (!answer.ok) throw new Error(`${path}: ${answer.status} ${answer.statusText}`);
+  const stream = answer.body.pipeThrough(new DecompressionStream("gzip"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** The files of an archive of `tar`, in its plain form. */
+function* filesOf(archive) {
+  const text = new TextDecoder();
+  const field = (at, size) => text.decode(archive.subarray(at, at + size)).split("\0", 1)[0];
+  for (let at = 0; at < archive.length && archive[at]; ) {
+    const name = field(at, 100), size = parseInt(field(at + 124, 12), 8), under = field(at + 345, 155);
+    yield [under ? `${under}/${name}` : name, archive.subarray(at + 512, at + 512 + size)];
+    at += 512 + Math.ceil(size / 512) * 512;
+  }
 }
 
 async function load() {
   say("loading", { text: "loading Python" });
-  const [python, packages] = await Promise.all([loadPyodide({ indexURL: "./pyodide/" }), bytes("./packages.zip")]);
-  say("loading", { text: "unpacking koord and its solvers" });
-  python.unpackArchive(packages, "zip", { extractDir: "/packages" });
+  const archive = unpacked("./packages.bin");
+  const python = await loadPyodide({
+    indexURL: "./pyodide/",
+    stdLibURL: "./python_stdlib.zip",
+    _loadSnapshot: unpacked("./python.bin"), // a Python that has begun, as the page was built with it
+  });
+  const folders = new Set();
+  for (const [name, bytes] of filesOf(await archive)) {
+    const path = `/packages/${name}`, folder = path.slice(0, path.lastIndexOf("/"));
+    if (!folders.has(folder)) python.FS.mkdirTree(folder);
+    folders.add(folder);
+    python.FS.writeFile(path, bytes, { canOwn: true });
+  }
   python.runPython("import sys; sys.path.append('/packages'); sys.dont_write_bytecode = True");
   say("loading", { text: "loading koord" });
   const answering = python.pyimport("playground.answering");

@@ -96,6 +96,8 @@ def test_what_is_not_here_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
+    for name in building.PYODIDE:
+        (tmp_path / name).touch()
     monkeypatch.setattr(building, "modules", lambda: tmp_path)
     monkeypatch.setattr(building, "wheels", lambda folder: [])
     assert building.main([str(tmp_path / "page")]) == 1
