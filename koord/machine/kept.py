@@ -139,9 +139,9 @@ def key_of(*of: object) -> str | None:
     """
     if not processor():
         return None
-    whole = sha256()
+    whole = _surroundings().copy()
     try:
-        for value in (_surroundings(), *of):
+        for value in of:
             _put(whole, value)
     except _ForeignError:
         return None
@@ -180,11 +180,13 @@ def _put(whole: Any, value: object) -> None:
 
 
 @cache
-def _surroundings() -> tuple[object, ...]:
-    """What all machine code is made of: this Python, the processor, and koord's own files."""
+def _surroundings() -> Any:
+    """The hash of what all machine code is made of: this Python, the processor, and our files."""
     from koord.machine.code import compiler
 
-    return (sys.version, np.__version__, compiler(), tuple(processor().items()), *_files())
+    whole = sha256()
+    _put(whole, (sys.version, np.__version__, compiler(), tuple(processor().items()), *_files()))
+    return whole
 
 
 def _files() -> list[tuple[object, ...]]:

@@ -20,6 +20,7 @@ from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.automaton import Visit
 from koord.runtime.motion.bodies import (
     Body,
+    Car,
     Drone,
     Level,
     Pace,
@@ -68,9 +69,9 @@ class DeviceModel(Struct, frozen=True):
 
 
 def is_compiled(model: DeviceModel) -> bool:
-    """Return whether a model's robots move by machine code: drones do, where there is llvmlite."""
+    """Return whether a model's robots move by machine code: drones and cars, with llvmlite."""
     level = model.level
-    if not isinstance(model.body, Drone):
+    if not isinstance(model.body, Drone | Car):
         return False
     return level is Level.FAST or (level is Level.FULL and is_installed())
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from fractions import Fraction
+from hashlib import sha256
 from pathlib import Path
 from typing import NoReturn
 
@@ -116,7 +117,7 @@ def test_no_two_values_have_one_key(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(TypeError):
         key_of(object())
     key = key_of(1)
-    monkeypatch.setattr(keeping, "_surroundings", lambda: ("another processor",))
+    monkeypatch.setattr(keeping, "_surroundings", lambda: sha256(b"another processor"))
     assert key_of(1) != key
     monkeypatch.setattr(keeping, "processor", dict)
     assert key_of(1) is None

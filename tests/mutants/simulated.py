@@ -32,6 +32,13 @@ SPLITTING = "tests/api/test_splitting.py"
 
 SIMULATED = (
     Mutant(
+        "inputs of a step have nothing to do with the errors at its end",
+        "sim.vehicles.compiled_driving._Solver._add_errors",
+        "self._add_error(i, plus(k, 1))",
+        "self._add_error(i, k)",
+        (DRIVEN,),
+    ),
+    Mutant(
         "certificates move robots that are to stay",
         "runtime.motion.certificates.certified",
         "np.where(fixed[:, None], 0.0, wanted)",

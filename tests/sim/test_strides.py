@@ -188,6 +188,11 @@ def test_cars_among_drones_stride_too(count: int, leg: str, least: int) -> None:
     assert strides >= least
 
 
+def test_cars_without_drones_stride_too() -> None:
+    _, strides = both(of_cars(3, "car"), 10.0)
+    assert strides >= 20
+
+
 def test_cars_that_may_touch_something_do_not_stride(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cars that drive towards each other: pymunk is not asked, and then it is."""
     looked, suffices = [], Room.suffices
@@ -210,9 +215,9 @@ def test_cars_that_miss_their_ways_plan_anew() -> None:
     assert given > 2 + made.figures().robots[0].events
 
 
-@pytest.mark.parametrize("kinds", ["shaky quad", "car wide quad", "car"])
+@pytest.mark.parametrize("kinds", ["shaky quad", "car wide quad", "shaky"])
 def test_fleets_of_other_kinds_make_rounds_one_by_one(kinds: str) -> None:
-    """Cars that are measured by chance, cars of two kinds on one floor, and cars without drones."""
+    """Cars that are measured by chance, cars of two kinds on one floor."""
     _, strides = both(of_cars(4, kinds), 5.0)
     assert strides == 0
 

@@ -216,22 +216,26 @@ class _Solver:
             self.gain[plus(second, n)] = advance * (dt / 2) * swing
             self.gain[plus(first, 2 * n)] = dt * bend
             self.gain[plus(second, 2 * n)] = dt * swing
-            with self._each(n) as i:
-                self._add_error(i)
+            # Inputs of later steps have nothing to do with it: of these zeros would be added.
+            inputs = plus(first, 2)
+            with self.code.loop(word(0), inputs) as i:
+                self._add_error(i, plus(k, 1))
 
-    def _add_error(self, i: Ir) -> None:
-        """Add what input i has to do with the errors after a step: row i of P, and q."""
-        n = self.n
+    def _add_error(self, i: Ir, steps: Ir) -> None:
+        """Add what input i of so many steps has to do with the errors then: row i of P, and q."""
+        n, b = self.n, self.code.b
         weighed = [
             weight * self.gain[self._plus(i, row * n)]
             for row, weight in enumerate(self.problem.error_weights)
         ]
-        for j in range(n):
-            place = self._plus(i, j * n)
-            sums = self.quadratic[place]
-            for row in range(3):
-                sums = sums + weighed[row] * self.gain[row * n + j]
-            self.quadratic[place] = sums
+        with self.code.loop(word(0), steps) as step:
+            for k in range(2):
+                j = self._plus(b.mul(step, word(2)), k)
+                place = b.add(i, b.mul(j, word(n)))
+                sums = self.quadratic[place]
+                for row in range(3):
+                    sums = sums + weighed[row] * self.gain[self._plus(j, row * n)]
+                self.quadratic[place] = sums
         sums = self.linear[i]
         for row in range(3):
             sums = sums + weighed[row] * self.error[row]
