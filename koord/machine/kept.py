@@ -145,7 +145,7 @@ def key_of(*of: object) -> str | None:
             _put(whole, value)
     except _ForeignError:
         return None
-    return whole.hexdigest()
+    return str(whole.hexdigest())
 
 
 class _ForeignError(Exception):

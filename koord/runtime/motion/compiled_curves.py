@@ -27,10 +27,11 @@ from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.curves import CHECK_M, CUSP_M, ROUNDING_M, SPACING_M
 from koord.runtime.motion.real_code import RealCode, library
 
-#: Numbers that the machine code is given. ``keeps_m`` is what places keep from the edge.
+#: Numbers that the machine code is given. ``keeps_m`` is what places keep from the edge,
+#: and ``z`` the height of all points.
 _NUMBERS = (
     *("x", "y", "heading", "goal_x", "goal_y", "radius", "west", "south", "east", "north"),
-    "keeps_m",
+    *("keeps_m", "z"),
 )
 
 #: Pieces of a curve, and cusps that it may have: there are two at most, and one for each rounding.
@@ -77,14 +78,15 @@ class DirectWays:
         radius_m: float,
         edges: tuple[float, float, float, float],
         keeps_m: float,
+        z: float,
     ) -> Floats | None:
-        """Find the points of the shortest curve to a goal, shape ``(k, 2)``; None: in doubt.
+        """Find the points of the shortest curve to a goal, shape ``(k, 3)``; None: in doubt.
 
         ``start`` is x, y and a heading from -π to π, ``edges`` the least x and y of the world and
         the greatest, from which all places on the way keep more than ``keeps_m``.
         """
-        numbers = self._numbers(*start, *goal, radius_m, *edges, keeps_m, *self._headings)
-        points: Floats = np.empty((_POINTS, 2))
+        numbers = self._numbers(*start, *goal, radius_m, *edges, keeps_m, z, *self._headings)
+        points: Floats = np.empty((_POINTS, 3))
         count = self._find(self._library_at, ctypes.addressof(numbers), points.ctypes.data)
         return points[:count] if count else None
 
@@ -564,9 +566,9 @@ def _write_direct(module: Ir, headings: int, shortest: Ir, at: Ir, pieces: Ir) -
     b.store(word(0), count)
 
     def add() -> None:
-        at_ = b.mul(b.load(count), word(2))
-        for k in range(2):
-            body.put(points, k, body.get(here, k), at_)
+        first = b.mul(b.load(count), word(3))
+        for k, value in enumerate((body.get(here, 0), body.get(here, 1), of["z"])):
+            body.put(points, k, value, first)
         b.store(b.add(b.load(count), word(1)), count)
 
     state_at(body.number(0.0))

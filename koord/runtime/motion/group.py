@@ -42,8 +42,6 @@ TAKEOFF_M = 1.0
 #: A path that begins so near to a robot begins where it is.
 _BESIDE_M = 0.1
 
-_STILL: Floats = np.zeros(3)
-
 
 class _Asked(Struct, frozen=True):
     """A plan that was asked for, and when it is followed."""
@@ -124,10 +122,11 @@ class Group:
         if psn is not None and np.linalg.norm(psn - path[0]) > self._beside_m:
             path = np.concatenate([psn[None], path])
         moves = self.speed[robot] > 0
-        velocity = self._velocity(np.array([robot]))[0] if moves else _STILL
+        velocity = self._velocity(np.array([robot]))[0] if moves else None
         self.routes.put(robot, path, heading_rad)
         self.s[robot] = 0.0
-        self.speed[robot] = max(0.0, float(velocity @ self.routes.tangent[robot, 0]))
+        along = 0.0 if velocity is None else float(velocity @ self.routes.tangent[robot, 0])
+        self.speed[robot] = max(0.0, along)
         self._orders.routed[robot], self._orders.failed[robot] = True, False
         self._orders.asked[robot] = False
 

@@ -167,7 +167,7 @@ class CurvePlanner(TreePlanner, frozen=True):
         if self.is_quick and not free.obstacles:
             points = self._by_code(start, goal, need_m)
             if points is not None:
-                return self._on_ground(points)
+                return points
         enough = _keeping(free, start.position, goal, self.ground.room.least_m, keeps_m)
         fits = car_fits(free, body, start)
 
@@ -221,7 +221,7 @@ class CurvePlanner(TreePlanner, frozen=True):
         heading = math.remainder(start.heading_rad, 2 * math.pi)
         radius_m = self.ground.body.turning_m * _WIDER
         edges = (*world.low[:2], *world.high[:2])
-        return ways.find((x, y, heading), goal[:2], radius_m, edges, need_m)
+        return ways.find((x, y, heading), goal[:2], radius_m, edges, need_m, world.ground)
 
     def _space(self) -> Any:
         """The space of a car's poses, with the shortest curve between any two."""
