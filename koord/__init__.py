@@ -100,6 +100,7 @@ if TYPE_CHECKING:
     from koord.api.verdicts import Verdict as Verdict
     from koord.api.verify import Engine as Engine
     from koord.api.verify import verify as verify
+    from koord.api.verify_report import VerdictProgress as VerdictProgress
     from koord.api.verify_report import VerifyReport as VerifyReport
     from koord.syntax.diagnostics import Diagnostic as Diagnostic
     from koord.syntax.diagnostics import KoordError as KoordError
@@ -158,7 +159,7 @@ _HOMES = {
     "koord.api.stories": ("Story", "story"),
     "koord.api.traces": ("Trace",),
     "koord.api.verdicts": ("Verdict",),
-    "koord.api.verify_report": ("VerifyReport",),
+    "koord.api.verify_report": ("VerdictProgress", "VerifyReport"),
     "koord.api.verify": ("Engine", "verify"),
     "koord.syntax.diagnostics": ("Diagnostic", "KoordError"),
     "koord.syntax.source": ("Source", "Span"),

@@ -23,6 +23,7 @@ from koord.api.programs import Loadable, Program, program_of
 from koord.api.progress import Cancellation, Listener, asker, cores, teller
 from koord.api.results import ArgumentError
 from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
+from koord.syntax.source import counted
 from koord.syntax.system import System
 from koord.verify import engine_names
 from koord.verify.effort import Deadline
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from koord.verify.proof_core import ProofCore
     from koord.verify.strategy.resumption import PastVerification
     from koord.verify.verdicts import Bounds, Report
+    from koord.verify.verdicts import Verdict as Found
 
 T = TypeVar("T")
 
@@ -169,7 +171,8 @@ def verify(
     What a ``cache`` knows is not asked again, and what is found is kept there. It is left alone
     with ``instants``, with ``rests_on`` and where several violations are asked for.
 
-    ``progress`` hears what is being done; after ``cancellation`` the report has what is known.
+    ``progress`` hears what is being done, and verdicts as they come, as
+    :class:`koord.VerdictProgress`; after ``cancellation`` the report has what is known.
 
     Raises :class:`koord.KoordError` for a program with errors, or that is too large for so many
     robots, :class:`koord.ArgumentError` for arguments that do not fit it.
@@ -200,8 +203,16 @@ def verify(
         cache=cache,
     )
     tell, interrupted = teller(progress), asker(cancellation)
+
+    def known(report: VerifyReport) -> None:
+        if progress is not None:
+            from koord.api.verify_report import VerdictProgress
+
+            told = f"{counted(len(report.report.verdicts), 'claim')} settled"
+            progress(VerdictProgress(told, report=report))
+
     with helped(options, cluster, tell, interrupted) as (options, _):
-        (report,) = verify_each([question], options, tell, interrupted)
+        (report,) = verify_each([question], options, tell, interrupted, known)
     return report
 
 
@@ -251,18 +262,20 @@ def verify_each(
     options: Options,
     tell: Callable[[str], None],
     interrupted: Callable[[], bool],
+    heard: Callable[[VerifyReport], None] = lambda report: None,
 ) -> Iterator[VerifyReport]:
     """Yield the verdicts on some systems, in order.
 
     Several are asked about in processes of their own, ``options.jobs`` at a time. Once it is
-    ``interrupted`` the answers are what is known by then, and there may be fewer of them.
+    ``interrupted`` the answers are what is known by then, and there may be fewer of them. Of one
+    that is asked about alone the verdicts that are known are ``heard`` whenever there are more.
     """
     looked_up = [_looked_up(question, options) for question in questions]
     if not all(cached is not None and cached.answer is not None for cached in looked_up):
         check_loadable()
         load_for_threads()
     if len(questions) == 1:
-        answered = _answer(questions[0], options, tell, interrupted, _known(looked_up[0]))
+        answered = _answer(questions[0], options, tell, interrupted, _known(looked_up[0]), heard)
         report = _kept(looked_up[0], _confirmed(answered, questions[0], options))
         if options.wcet and not report.interrupted:
             report = _measured(report, options.seed, tell, interrupted)
@@ -471,6 +484,7 @@ def _answer(
     tell: Callable[[str], None],
     interrupted: Callable[[], bool],
     known: Known | None,
+    heard: Callable[[VerifyReport], None] = lambda report: None,
 ) -> VerifyReport:
     """The report on one system: if any number of robots is asked for, on an example."""
     from koord.api.verdicts import Parts
@@ -502,6 +516,14 @@ def _answer(
         # The engines are not loaded where nobody is asked.
         from koord.verify.strategy.time_limits import verify_apart
 
+        verdicts: dict[str, Found] = {}
+
+        def settled(verdict: Found) -> None:
+            if not own or verdict.claim.name in own:
+                verdicts[verdict.claim.name] = verdict
+                by_now = Report(tuple(verdicts.values()), (), 0.0, every_n=question.every_n)
+                heard(VerifyReport(question.program, system, bounds, by_now))
+
         report = verify_apart(
             system,
             bounds,
@@ -513,6 +535,7 @@ def _answer(
             progress=tell,
             interrupted=interrupted,
             past=known,
+            settled=settled,
         )
     found = None
     if shadows is None or report.interrupted:

@@ -12,6 +12,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.api.programs import Program
+from koord.api.progress import Progress
 from koord.api.results import Html, Result, html_details, html_outcome, html_table
 from koord.api.verdicts import Parts, Verdict
 from koord.syntax.analysis.auxiliary import Var
@@ -85,6 +86,15 @@ def _shown(slices: Slices, part: Part) -> str:
             return f"{what} {port.module}.{name}"
         case _:
             return f"variable {name}"
+
+
+class VerdictProgress(Progress, frozen=True, kw_only=True):
+    """Progress of the verification of one system: there is a verdict on one more claim.
+
+    ``report`` has the verdicts that are known by then, without what makes them vacuous.
+    """
+
+    report: VerifyReport
 
 
 class VerifyReport(Result, frozen=True):

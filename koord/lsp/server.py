@@ -71,6 +71,7 @@ class OpenText:
         self.waiting: asyncio.Task[None] | None = None  #: for the delay before a verification
         self.verified: Verified | None = None
         self.verified_version = -1
+        self.settled = Verified()  #: what is known of a verification that goes on
         self.is_verifying = False
         self.diagnostics: list[types.Diagnostic] = []
 
@@ -225,9 +226,11 @@ class KoordServer(LanguageServer):
     def _publish(self, text: OpenText, version: int) -> None:
         """Tell what is wrong: with the text, and by the verdicts on just this text."""
         found = list(text.diagnostics)
-        is_current = text.verified_version == version and not text.is_verifying
-        if text.verified is not None and text.known is not None and is_current:
-            found += _verdict_diagnostics(text.verified, self.places(text.known))
+        verified = text.verified if text.verified_version == version else None
+        if text.is_verifying:
+            verified = text.settled
+        if verified is not None and text.known is not None:
+            found += _verdict_diagnostics(verified, self.places(text.known))
         self.text_document_publish_diagnostics(
             types.PublishDiagnosticsParams(text.uri, found, version)
         )
@@ -243,7 +246,7 @@ class KoordServer(LanguageServer):
             return
         delay_s = 0.0 if at_once else self.settings.verify.delay_s
         version = text.version
-        text.is_verifying = True
+        text.is_verifying, text.settled = True, Verified()
         self._tell(text, "verifying")
         loop = asyncio.get_running_loop()
         text.waiting = loop.create_task(self._verify_later(text, found, version, delay_s))
@@ -264,6 +267,12 @@ class KoordServer(LanguageServer):
     def _verified(self, text: OpenText, version: int, verified: Verified) -> None:
         """Show the verdicts on a text, if it is still the newest."""
         if version != text.version or self.texts.get(text.uri) is not text or verified.interrupted:
+            return
+        if not verified.done:
+            if text.is_verifying:
+                text.settled = verified
+                self._publish(text, version)
+                self._tell(text, "verifying")
             return
         text.is_verifying = False
         text.verified, text.verified_version = verified, version
@@ -307,13 +316,19 @@ class KoordServer(LanguageServer):
             self.workspace_code_lens_refresh(None)
 
     def shown(self, text: OpenText) -> list[Shown]:
-        """The verdicts that are known, at the places of their claims in the newest text."""
-        if text.verified is None or text.known is None:
+        """The verdicts that are known, at the places of their claims in the newest text.
+
+        While a verification goes on those that it has settled, and older ones of other claims.
+        """
+        if text.known is None:
             return []
+        new = text.settled.marks if text.is_verifying else ()
+        shown = [_shown(mark, mark.span.line - 1, stale=False) for mark in new]
         stale = text.verified_version != text.version or text.is_verifying
         lines = _lines(text.known)
-        shown: list[Shown] = []
-        for mark in text.verified.marks:
+        told = {mark.name for mark in new}
+        before = () if text.verified is None else text.verified.marks
+        for mark in (mark for mark in before if mark.name not in told):
             line = lines.get(mark.name) if stale else mark.span.line - 1
             if line is None and mark.span.line == 1:
                 line = 0
@@ -342,11 +357,10 @@ class KoordServer(LanguageServer):
         Raises JsonRpcInvalidParams if there is none.
         """
         text = self.texts.get(uri)
-        report = None if text is None or text.verified is None else text.verified.report
-        try:
-            verdict = None if report is None else report.verdict(claim)
-        except KeyError:
-            verdict = None
+        known = [] if text is None else [text.settled if text.is_verifying else None, text.verified]
+        reports = [one.report for one in known if one is not None and one.report is not None]
+        found = (v for report in reports for v in report.verdicts if v.name == claim)
+        verdict = next(found, None)
         trace = None if verdict is None else verdict.counterexample
         if verdict is None or trace is None:
             raise JsonRpcInvalidParams(f"there is no counterexample of {claim}")

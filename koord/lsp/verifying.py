@@ -9,21 +9,27 @@ from msgspec import Struct
 
 from koord.api.cache import Cache, usual_folder
 from koord.api.editing import Document, KoordError, Span
+from koord.api.progress import Progress
 from koord.api.results import ArgumentError
 from koord.api.session import Session
 from koord.api.verdict_marks import VerdictMark, vacuity_places, verdict_marks
 from koord.api.verify import load_for_threads
-from koord.api.verify_report import VerifyReport
+from koord.api.verify_report import VerdictProgress, VerifyReport
 from koord.lsp.settings import VerifySettings
 
 
 class Verified(Struct, frozen=True):
-    """What came of a verification: marks, vacuities, or why there are none."""
+    """What came of a verification: marks, vacuities, or why there are none.
+
+    As long as it is not ``done``, the claims that are settled have marks, and nothing is known of
+    what makes them vacuous.
+    """
 
     marks: tuple[VerdictMark, ...] = ()
     vacuities: tuple[tuple[Span, str], ...] = ()
     report: VerifyReport | None = None
     refused: str = ""
+    done: bool = True
 
     @property
     def interrupted(self) -> bool:
@@ -35,7 +41,8 @@ class Verifier:
     """The verifications of one document: a new one ends the one before.
 
     Each has a thread of its own, and solvers have processes of their own. ``tell`` is called from
-    the thread with the version of the text and what came out, also of one that was ended.
+    the thread with the version of the text and what came out, also of one that was ended, and
+    before that whenever claims are settled.
     """
 
     def __init__(self, settings: VerifySettings, tell: Callable[[int, Verified], None]) -> None:
@@ -71,17 +78,22 @@ class Verifier:
 
     def _verify(self, document: Document, version: int) -> None:
         try:
-            found = self._verified(document)
+            found = self._verified(document, version)
         except Exception as error:  # of koord itself: the server goes on
             found = Verified(refused=f"the verification failed: {error!r}")
         self._tell(version, found)
 
-    def _verified(self, document: Document) -> Verified:
+    def _verified(self, document: Document, version: int) -> Verified:
+        def heard(progress: Progress) -> None:
+            if isinstance(progress, VerdictProgress):
+                known = progress.report
+                self._tell(version, Verified(verdict_marks(known, document), (), known, done=False))
+
         program = document.program
         if program is None:
             return Verified(refused="a text with errors, or of properties alone")
         try:
-            report = self._session.verify(program)
+            report = self._session.verify(program, progress=heard)
         except KoordError as error:
             return Verified(refused="; ".join(d.message for d in error.diagnostics))
         except ArgumentError as error:

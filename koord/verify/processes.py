@@ -71,7 +71,8 @@ class Job(Struct, Generic[T], eq=False):
 
     ``lasts_s`` is for how long its process may go on, and ``until`` when it is ended if it is not
     done (as :func:`time.monotonic` counts): then it ``is_late``. ``noted`` is what it told of
-    before it was done, which stays known however it ends; ``told`` is what it was at last.
+    before it was done, which stays known however it ends, and which is ``heard`` as it comes;
+    ``told`` is what it was at last.
     ``share_until`` is when it is ended if it says nothing else by then: then it ``is_overdue``.
     ``lasted_s`` is for how long its process went on. Where it does not ``count``, progress reports
     say nothing of how many jobs there are. ``why`` it has no answer is known of what was asked
@@ -92,6 +93,7 @@ class Job(Struct, Generic[T], eq=False):
     found: T | None = None
     failure: Exception | None = None
     noted: list[object] = field(default_factory=list)
+    heard: Callable[[object], None] = lambda value: None
     told: str = ""
     started: float | None = None
     ends_at: float | None = None
@@ -99,6 +101,11 @@ class Job(Struct, Generic[T], eq=False):
     exit_code: int | None = None
     counts: bool = True
     why: str = ""
+
+    def note(self, value: object) -> None:
+        """Note what it told of."""
+        self.noted.append(value)
+        self.heard(value)
 
     @property
     def end(self) -> str:
@@ -144,6 +151,7 @@ class Pool(Struct):
         until: float | None = None,
         counts: bool = True,
         first: bool = False,
+        heard: Callable[[object], None] = lambda value: None,
     ) -> Job[T]:
         """Submit work. The caller must not change what the work reads before it is done.
 
@@ -152,7 +160,7 @@ class Pool(Struct):
         """
         if not self._running and not self._waiting:
             self._done = 0
-        job: Job[T] = Job(name, work, portable, lasts_s, until, counts=counts)
+        job: Job[T] = Job(name, work, portable, lasts_s, until, counts=counts, heard=heard)
         self._waiting.insert(0 if first else len(self._waiting), job)  # type: ignore[arg-type]
         if can_fork():
             self._listen(0)
@@ -174,7 +182,7 @@ class Pool(Struct):
         """
         if not can_fork():
             self._waiting = [other for other in self._waiting if other is not job]
-            return job.work(_Here(self.progress, job.noted.append))
+            return job.work(_Here(self.progress, job.note))
         self.wait(job, lambda: job.is_done)
         if job.failure is not None:
             raise job.failure
@@ -251,7 +259,7 @@ class Pool(Struct):
                 case str():
                     self._tell(job, said)
                 case Noted(value=value):
-                    job.noted.append(value)
+                    job.note(value)
                 case Lasting(until=until):
                     job.share_until = until
                 case Begun(where=where):

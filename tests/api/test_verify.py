@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -145,6 +145,35 @@ def test_progress_is_told() -> None:
     koord.verify(COUNTER, rounds=2, engine="bmc", progress=heard.append)
     assert heard
     assert all(each.message for each in heard)
+
+
+def test_verdicts_are_told_as_they_come() -> None:
+    """Each report has what the one before had; the last one said of each claim what all say."""
+    heard: list[koord.VerifyReport] = []
+
+    def listen(told: koord.Progress) -> None:
+        if isinstance(told, koord.VerdictProgress):
+            heard.append(told.report)
+
+    report = koord.verify(COUNTER, rounds=4, progress=listen)
+    names = [[verdict.name for verdict in by_now.verdicts] for by_now in heard]
+    assert names
+    assert all(set(old) <= set(new) for old, new in pairwise(names))
+    assert set(names[-1]) == {verdict.name for verdict in report.verdicts}
+    for verdict in heard[-1].verdicts:
+        assert verdict.outcome is report.verdict(verdict.name).outcome
+    assert heard[-1].verdict("Small").counterexample is not None
+
+
+def test_of_some_properties_the_verdicts_on_these_are_told() -> None:
+    told: set[str] = set()
+
+    def listen(progress: koord.Progress) -> None:
+        if isinstance(progress, koord.VerdictProgress):
+            told.update(verdict.name for verdict in progress.report.verdicts)
+
+    koord.verify(COUNTER, rounds=4, properties=["Small"], progress=listen)
+    assert told == {"Small"}
 
 
 def test_a_call_is_ended_from_another_thread() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,54 @@ def test_verdicts_are_shown_as_what_they_are() -> None:
             found = {(d.code, d.range.start.line) for d in editor.diagnostics[-1].diagnostics}
             assert ("violated", 10) in found
             assert ("vacuous", 11) in found
+
+    run(work())
+
+
+def test_verdicts_come_one_by_one() -> None:
+    """What breaks is shown, and its run, while others are still being asked about."""
+
+    async def work() -> None:
+        async with connected(SETTINGS | {"traceView": True}) as editor:
+            editor.open(COUNTER)
+            await editor.verified()
+            going = [told for told in editor.verdicts if told.state == "verifying"]
+            settled = [{mark.name for mark in told.marks} for told in going]
+            assert settled[0] == set()
+            assert any("Few" in names for names in settled)
+            # never fewer than before, and nothing twice
+            assert all(old <= new for old, new in pairwise(settled))
+            assert all(len(told.marks) == len({mark.name for mark in told.marks}) for told in going)
+            assert not any(mark.stale for told in going for mark in told.marks)
+
+    run(work())
+
+
+def test_a_run_that_breaks_a_claim_is_shown_before_all_is_settled() -> None:
+    async def work() -> None:
+        async with connected(SETTINGS) as editor:
+            editor.open(COUNTER)
+            done = await editor.verified()
+            text = editor.server.texts[URI]
+            (mark,) = (mark for mark in done.marks if mark.name == "Few")
+            complete = text.verified
+            assert complete is not None
+            # as it is after the verdict on Few, and with no older verdicts
+            text.settled = Verified(
+                tuple(one for one in complete.marks if one.name == "Few"),
+                (),
+                complete.report,
+                done=False,
+            )
+            text.is_verifying, text.verified = True, None
+            shown = await lenses(editor)
+            assert shown[10].title == f"{mark.title} · show the run"
+            assert shown[9].title == "… verifying"
+            assert editor.server.counterexample(URI, "Few")["text"].startswith("# Few is violated")
+            editor.server._publish(text, editor.version)
+            await editor.until(
+                lambda: {d.code for d in editor.diagnostics[-1].diagnostics} == {"violated"}
+            )
 
     run(work())
 

@@ -53,15 +53,21 @@ def verify_apart(
     progress: Callable[[str], None] = lambda text: None,
     interrupted: Callable[[], bool] = lambda: False,
     past: PastVerification | None = None,
+    settled: Callable[[Verdict], None] = lambda verdict: None,
 ) -> Report:
-    """Verify as :func:`verify` of ``verification.py``, with a limit of ``bounds.claim_s`` each."""
+    """Verify as :func:`verify` of ``verification.py``, with a limit of ``bounds.claim_s`` each.
+
+    ``settled`` hears verdicts as they come, where all claims are asked together.
+    """
     claim_s = bounds.claim_s
     global _has_verified
     if claim_s is not None or _has_verified:
         load()
     _has_verified = True
     known = past or PastVerification()
-    asking = _Asking(system, bounds, choice, seed, jobs, progress, interrupted, known, helpers)
+    asking = _Asking(
+        system, bounds, choice, seed, jobs, progress, interrupted, known, helpers, settled
+    )
     if claim_s is None:
         return asking.together(bounds.timeout_s, jobs, names)
     started = time.monotonic()
@@ -92,6 +98,7 @@ class _Asking(Struct, frozen=True):
     interrupted: Callable[[], bool]
     past: PastVerification = PastVerification()  #: what is known from the start
     helpers: Helpers | None = None
+    settled: Callable[[Verdict], None] = lambda verdict: None
 
     def together(self, seconds: float | None, jobs: int, names: Sequence[str] = ()) -> Report:
         """Verify all claims, or the named ones, together."""
@@ -104,11 +111,15 @@ class _Asking(Struct, frozen=True):
                 tell, bounds, names=names, jobs=jobs, past=past, helpers=self.helpers
             )
 
+        def heard(value: object) -> None:
+            if isinstance(value, Verdict) and value.outcome is not Outcome.UNKNOWN:
+                self.settled(value)
+
         report, cut, past = None, False, self.past
         with Pool(1, self.progress, self.interrupted) as pool:
             while report is None:
                 lasts_s = _with_grace(deadline.left_s())
-                job = pool.submit("", partial(work, past), lasts_s=lasts_s)
+                job = pool.submit("", partial(work, past), lasts_s=lasts_s, heard=heard)
                 try:
                     report = pool.answer(job)
                 except KeyboardInterrupt:
