@@ -148,6 +148,10 @@ class Replay(Form):
         list[str] | UnsetType,
         Meta(description="Properties of such a run that ask what nobody answered."),
     ] = UNSET
+    reloads: Annotated[
+        list[Natural] | UnsetType,
+        Meta(description="The rounds before which the program of the run was changed."),
+    ] = UNSET
 
 
 # --- koord merge ----------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from koord.api.progress import Cancellation, Listener
 from koord.api.sim_report import Simulated
 from koord.api.sim_run import SimulationRequest, play
 from koord.api.sim_setup import watch
-from koord.api.traces import read_trace
+from koord.api.traces import read_trace, recorded_once
 from koord.refinement.replaying_host import RecordedSchedule, ReplayingHost, places
 from koord.refinement.running import ready
 from koord.runtime.configuration.checking import load as load_configuration
@@ -35,6 +35,7 @@ def rehearse(
     Raises KoordError.
     """
     trace = read_trace(raw, name, source)
+    recorded_once(trace, "a rehearsal has")
     program, kinds = trace.system.program, trace.system.kinds
     made = ready(program)
     heard: list[ReplayingHost] = []

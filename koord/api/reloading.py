@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Protocol
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -13,17 +13,18 @@ from koord.api.fitting import Fitted, slack_of
 from koord.api.progress import Listener
 from koord.api.sim_report import ProgramReloaded
 from koord.api.sim_setup import Built
+from koord.api.sim_trace import TracedProgram, Tracing
 from koord.refinement.translation import Translation, to_plain, to_storage, to_value
 from koord.runtime.compile.naming import PythonNames
 from koord.runtime.compile.slack import loosened
 from koord.runtime.engine import Resumed, RoundEngine
+from koord.runtime.robot import Host, Status, Turn
 from koord.runtime.robot import Robot as Running
-from koord.runtime.robot import Status, Turn
 from koord.runtime.shapes import Shape, from_plain
 from koord.semantics.configurations import NO_EVENT, Configuration
 from koord.semantics.domain import DOUBLES, Constant
 from koord.semantics.oracle import Key, NoOracle, Oracle, Phase
-from koord.semantics.recordings import Concrete
+from koord.semantics.recordings import Concrete, Reached
 from koord.semantics.reloading import Correspondence, Fate, Unkept, correspondence, reloaded
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import Cell, Storage, contents
@@ -34,14 +35,18 @@ from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import whole_file
 from koord.syntax.system import System
 
-if TYPE_CHECKING:
-    from koord.api.sim_trace import Tracing
-
 
 class Next(Protocol):
     """What makes another program for a run, of what it is fitted with, compiled, and notes."""
 
-    def __call__(self, fitted: Fitted, built: Built, words: tuple[str, ...]) -> NextProgram: ...
+    def __call__(
+        self,
+        fitted: Fitted,
+        built: Built,
+        words: tuple[str, ...],
+        *,
+        tracing: Callable[[Host, Host], Host] | None,
+    ) -> NextProgram: ...
 
 
 class Reloading:
@@ -116,9 +121,14 @@ class Reloading:
         before, after = system_of(old), system_of(fitted)
         match = correspondence(before, after)
         notes = tuple(notes_of(match, after.program))
-        program = self._make(fitted, built, notes)
         names = PythonNames(before.program)
         configuration = Translation(before, names).configuration(simulation.engine)
+        traced, finished = None, None
+        if self._tracing is not None:
+            traced = TracedProgram(fitted, Reached(before, configuration))
+            finished = self._tracing.finished(simulation)
+        hear = None if traced is None else traced.hear
+        program = self._make(fitted, built, notes, tracing=hear)
         shown = simulation.engine.shown
 
         def resume(engine: RoundEngine) -> Resumed:
@@ -128,6 +138,8 @@ class Reloading:
             return resumed(found, translation, engine, shown)
 
         simulation.reload(program, resume)
+        if self._tracing is not None and traced is not None and finished is not None:
+            self._tracing.go_on(traced, finished, simulation)
         self.fitted = fitted
         return notes
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from fractions import Fraction
+from itertools import islice
 from typing import TYPE_CHECKING, Final
 
-from msgspec import convert, to_builtins
+from msgspec import UNSET, convert, to_builtins
 from msgspec.structs import replace
 
 from koord.api import forms
@@ -16,7 +17,7 @@ from koord.api.programs import Text, source_of
 from koord.api.progress import Cancellation, Listener, Progress, asker, ended
 from koord.api.results import Result, html_table
 from koord.api.robots import exact_number
-from koord.api.traces import Trace, read_trace
+from koord.api.traces import Trace, read_trace, recorded_once, reloads_of
 from koord.sampling.monitors import Watch
 from koord.syntax.budget import ENDLESS, Budget, OutOfBudgetError
 from koord.syntax.source import counted, visible
@@ -103,6 +104,7 @@ class ReplayReport(Result, frozen=True):
             refused=None if refused is None else _refusal(refused),
             slack=float(recorded.slack),
             trusted=list(found.trusted),
+            reloads=list(reloads_of(recorded)) or UNSET,
             cut_off=recorded.cut_off,
             compiled=compiled_form(self.departure, first=0) if self.compared else None,
         )
@@ -210,18 +212,27 @@ def replayed(
 ) -> ReplayReport:
     """As :func:`replay`; ``shown`` is called with each legal step. Raises OutOfBudgetError."""
     if slack is not None:
-        recorded = replace(recorded, slack=slack)
+        first, *later = [replace(part, slack=slack) for part in recorded.parts]
+        recorded = replace(first, later=tuple(later))
     judged = _loosened(recorded, budget)
-    watch = _watch_of(judged) if is_of_robots(recorded) else None
+    if compiled:
+        recorded_once(recorded, "compiled programs run")
+    watches = list(map(_watch_of, judged.parts)) if is_of_robots(recorded) else []
+    left = iter(watches)
+    now: list[Watch] = []
 
     def seen(step: Step) -> None:
         shown(step)
-        if watch is not None:
+        if step.rule in ("INIT", "RELOAD"):
+            now[:] = [*islice(left, 1)]
+        for watch in now:
             watch.see(step)
 
     report = ReplayReport(Trace(recorded), judge(judged, seen))
-    if watch is not None and report.legal:
-        report = replace(report, broken=watch.violation, unjudged=watch.unjudged)
+    if watches and report.legal:
+        broken = next((one.violation for one in watches if one.violation is not None), None)
+        unjudged = dict.fromkeys(name for one in watches for name in one.unjudged)
+        report = replace(report, broken=broken, unjudged=tuple(unjudged))
     if not compiled or not report.legal:
         return report
     from koord.refinement.compiled_replay import rerun
@@ -248,9 +259,14 @@ def is_of_robots(recorded: Recorded) -> bool:
 
 def _loosened(recorded: Recorded, budget: Budget) -> Recorded:
     """The trace with the trace's slack in the program's assumptions and contracts."""
-    program = recorded.system.program
-    if recorded.slack:
+    first, *later = [_loosened_part(part, budget) for part in recorded.parts]
+    return replace(first, later=tuple(later))
+
+
+def _loosened_part(part: Recorded, budget: Budget) -> Recorded:
+    program = part.system.program
+    if part.slack:
         from koord.runtime.compile.slack import loosened
 
-        program = loosened(program, recorded.slack)
-    return replace(recorded, system=replace(recorded.system, program=program, budget=budget))
+        program = loosened(program, part.slack)
+    return replace(part, system=replace(part.system, program=program, budget=budget))

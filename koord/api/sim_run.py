@@ -26,6 +26,7 @@ from koord.api.sim_report import (
     standing_words,
 )
 from koord.api.sim_setup import check_begun, limit_s, next_program
+from koord.api.traces import ITF_SUFFIX
 from koord.sim.running import Ending, Simulation, run
 
 if TYPE_CHECKING:
@@ -62,8 +63,8 @@ class SimulationRequest(Struct, frozen=True):
             raise ArgumentError("reload", "only runs that are looked at take edits: say `live=`")
         if self.processes:
             raise ArgumentError("reload", "edits are taken in one process: leave out `processes=`")
-        if self.outputs.trace is not None:
-            raise ArgumentError("reload", "such a run has no trace yet: leave out `trace=`")
+        if self.outputs.trace is not None and self.outputs.trace.endswith(ITF_SUFFIX):
+            raise ArgumentError("reload", f"{ITF_SUFFIX} has one program: say another `trace=`")
 
     def limit_s(self, fitted: Fitted) -> float:
         """When the run ends in simulated seconds; one that takes edits, if nobody says, never."""

@@ -69,8 +69,11 @@ def story(found: Trace | RunReport | ReplayReport | Verdict) -> Story:
     from koord.api.replay import ReplayReport
     from koord.api.results import ArgumentError
     from koord.api.run import RunReport
-    from koord.api.traces import Trace
+    from koord.api.traces import Trace, recorded_once
 
+    if isinstance(found, Trace | RunReport | ReplayReport):
+        trace = found if isinstance(found, Trace) else found.trace
+        recorded_once(trace.recorded, "pictures of steps have")
     match found:
         case Trace():
             return Story(story_of(found.recorded, title=_title(found.recorded)))

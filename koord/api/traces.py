@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
@@ -12,7 +13,7 @@ from koord.api.files import write_atomically
 from koord.api.programs import Program, no_program
 from koord.api.results import Result, html_table
 from koord.syntax import core
-from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity, refusal
 from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load as elaborate
 from koord.syntax.source import Source, counted
@@ -37,7 +38,7 @@ class Trace(Result, frozen=True):
     @property
     def rounds(self) -> int:
         """The number of rounds; the last one may be cut."""
-        return len(self.recorded.recording.rounds)
+        return sum(len(part.recording.rounds) for part in self.recorded.parts)
 
     @property
     def robots(self) -> int:
@@ -64,6 +65,7 @@ class Trace(Result, frozen=True):
         """The trace in ITF, which tools for TLA+ read."""
         from koord.traces.itf import encode_itf
 
+        recorded_once(self.recorded, "ITF has")
         found: dict[str, Any] = json.loads(encode_itf(self.recorded))
         return found
 
@@ -77,7 +79,7 @@ class Trace(Result, frozen=True):
     def __repr__(self) -> str:
         broken = self.recorded.violation
         ending = "" if broken is None else f", which breaks {broken.name}"
-        fault = self.recorded.configurations[-1].fault
+        fault = self.recorded.parts[-1].configurations[-1].fault
         ending += "" if fault is None else f", which ends in a fault: {fault.kind.value}"
         return f"<Trace of {self.recorded.problem}: {counted(self.rounds, 'round')}{ending}>"
 
@@ -85,19 +87,35 @@ class Trace(Result, frozen=True):
         from koord.traces.changes import changes
         from koord.traces.names import Names
 
-        system, configurations = self.recorded.system, self.recorded.configurations
-        names = Names(system)
-        rows = []
-        for number, round_ in enumerate(self.recorded.recording.rounds):
-            ran = [
-                "" if event is None else system.agent(robot).events[event].name
-                for robot, event in enumerate(round_.events)
-            ]
-            before, after = configurations[number : number + 2]
-            changed = [change.told() for change in changes(names, before, after)]
-            rows.append((number + 1, *ran, ", ".join(changed)))
-        columns = ("round", *(f"robot {robot}" for robot in range(system.robots)), "changes")
+        rows: list[tuple[object, ...]] = []
+        for part in self.recorded.parts:
+            system, names = part.system, Names(part.system)
+            for number, round_ in enumerate(part.recording.rounds):
+                ran = [
+                    "" if event is None else system.agent(robot).events[event].name
+                    for robot, event in enumerate(round_.events)
+                ]
+                before, after = part.configurations[number : number + 2]
+                changed = [change.told() for change in changes(names, before, after)]
+                rows.append((len(rows) + 1, *ran, ", ".join(changed)))
+        columns = ("round", *(f"robot {robot}" for robot in range(self.robots)), "changes")
         return html_table(repr(self), columns, rows)
+
+
+def reloads_of(trace: Recorded) -> Iterator[int]:
+    """The rounds before which the program of a run was changed, counted from 0. [RELOAD]"""
+    first = 0
+    for part in trace.parts[:-1]:
+        first += len(part.recording.rounds)
+        yield first
+
+
+def recorded_once(trace: Recorded, who: str) -> None:
+    """Check that the program of a run was not changed. Raises KoordError, which says ``who``."""
+    for number in reloads_of(trace):
+        story = f"the program was changed before round {number + 1}, and {who} one program"
+        hint = "`koord replay` replays it, and the page of `koord sim` shows it"
+        raise refusal("K958", trace.sources.program.name, story, hint)
 
 
 #: By convention, and by what other tools look for.
@@ -153,6 +171,8 @@ def write_counterexample(path: str, trace: Recorded) -> None:
 
 
 def _encoded(path: str, trace: Recorded) -> bytes:
+    if path.endswith(ITF_SUFFIX):
+        recorded_once(trace, "ITF has")
     return encode_itf(trace) if path.endswith(ITF_SUFFIX) else encode(trace)
 
 
@@ -172,6 +192,9 @@ def read_trace(raw: bytes, name: str, program: Source | None) -> Recorded:
         return _elaborated(replace(sources, program=program))
 
     document = parse(raw, name)
+    if program is not None and isinstance(document, dict) and document.get("later"):
+        story = "the trace has several programs, as the first one was changed"
+        raise refusal("K914", name, story, "leave out `program=`")
     try:
         trace = (
             embedded_trace(document, name, load)

@@ -10,7 +10,7 @@ from fractions import Fraction
 from koord.api.files import write_atomically
 from koord.api.replay import ReplayReport, replayed
 from koord.api.run import TakenStep
-from koord.api.traces import read_trace
+from koord.api.traces import read_trace, reloads_of
 from koord.cli.arguments import add_html, add_json, check_files, number
 from koord.cli.counterexamples import rerun_lines, told_apart
 from koord.cli.diagnostics import report_error
@@ -105,9 +105,17 @@ class _Shown:
     """A listener that shows the rounds of a trace while it is replayed."""
 
     def __init__(self, trace: Trace) -> None:
-        self._rounds = Rounds(RunTable(Names(trace.system), style_of(sys.stdout)))
+        self._parts = iter(trace.parts)
+        self._rounds = self._of_part()
+
+    def _of_part(self) -> Rounds:
+        return Rounds(RunTable(Names(next(self._parts).system), style_of(sys.stdout)))
 
     def step(self, step: Step) -> None:
+        if step.rule == "RELOAD":
+            self.close()
+            print(f"another program goes on before round {step.round + 2}")
+            self._rounds = self._of_part()
         self._rounds.show(TakenStep(step))
 
     def close(self) -> None:
@@ -129,6 +137,7 @@ def verdict(name: str, report: ReplayReport, style: Style) -> Iterator[str]:
             f"{visible(name)}: {good}: {found.steps} steps, {rounds}, {trace.numbers.value} numbers"
         )
         yield f"  a run of {visible(str(trace.problem))}"
+        yield from _changes(trace)
         yield from claim_lines(report.broken, report.unjudged)
         yield from _end(trace)
         if trace.cut_off:
@@ -147,9 +156,17 @@ def verdict(name: str, report: ReplayReport, style: Style) -> Iterator[str]:
         yield f"  taken on trust, since all values of a type cannot be tried: {names}"
 
 
+def _changes(trace: Trace) -> Iterator[str]:
+    """Say where the program was changed."""
+    rounds = [str(number + 1) for number in reloads_of(trace)]
+    if rounds:
+        listed = " and ".join([", ".join(rounds[:-1]), rounds[-1]] if rounds[1:] else rounds)
+        yield f"  another program goes on before round{'s' * (len(rounds) > 1)} {listed}"
+
+
 def _end(trace: Trace) -> Iterator[str]:
     """Describe the end of a legal trace, if it is not just the last round."""
-    fault = trace.configurations[-1].fault
+    fault = trace.parts[-1].configurations[-1].fault
     if fault is not None:
         whose = "" if fault.robot is None else f" of robot {fault.robot}"
         yield f"  it ends in a fault{whose}: {fault.kind.value} ({visible(str(fault.span))})"

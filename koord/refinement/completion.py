@@ -27,11 +27,13 @@ from koord.semantics.recordings import (
     Answer,
     Concrete,
     Opening,
+    Reached,
     Reading,
     RecordedInputs,
     Recording,
     Round,
 )
+from koord.semantics.reloading import reloaded
 from koord.semantics.rounds import IllegalStepError, evolved, initialised, run_event, run_skip
 from koord.syntax import core
 from koord.syntax.core import Direction
@@ -48,14 +50,15 @@ def with_summaries(
     trace: Trace,
     library: Library,
     passed: Callable[[int], None] = lambda number: None,
+    before: Reached | None = None,
 ) -> Trace:
     """Complete a trace with the answers that summaries and assumptions need, of its own library.
 
     A trace that breaks a rule before that is returned as far as it was looked at: replay will say
-    where. ``passed`` hears of each round. Raises KoordError where no answer is found that its own
-    summary allows.
+    where. ``passed`` hears of each round; the run goes on from ``before`` if that is given. Raises
+    KoordError where no answer is found that its own summary allows.
     """
-    completing = Completing(trace.system, library)
+    completing = Completing(trace.system, library, before)
     recording = trace.recording
     for answers in (recording.opening.answers, *(round_.answers for round_ in recording.rounds)):
         completing.remember(answers)
@@ -78,9 +81,10 @@ class Completing:
     library has put off a question, the rest of it stays as it is.
     """
 
-    def __init__(self, system: System, library: Library) -> None:
+    def __init__(self, system: System, library: Library, before: Reached | None = None) -> None:
+        """Complete a run from INIT on; with ``before`` one that goes on from there. [RELOAD]"""
         self.put_off = False  #: whether the library did not answer
-        self._system = system
+        self._system, self._before = system, before
         self._asking = _Asking(system, library)
         self._last: Configuration[Constant] | None = None  #: None: nothing more is looked at
 
@@ -93,12 +97,17 @@ class Completing:
         self.remember(opening.answers)
         starts = RecordedInputs(starts=opening.starts)
         inputs = CompletedInputs(starts, by_place(opening.answers), self._asking.missing)
+        system, before = self._system, self._before
         try:
-            start = initialised(DOUBLES, self._system, inputs, opening.order).configuration
-            if start.fault is None:
-                for assumption in self._system.program.assumptions:
-                    e, bound = assumption.condition, assumption.bound
-                    holds_in(DOUBLES, self._system, start, e, bound, inputs)
+            if before is not None:
+                at = before.configuration
+                start = reloaded(DOUBLES, before.system, system, at, inputs).configuration
+            else:
+                start = initialised(DOUBLES, system, inputs, opening.order).configuration
+                if start.fault is None:
+                    for assumption in system.program.assumptions:
+                        e, bound = assumption.condition, assumption.bound
+                        holds_in(DOUBLES, system, start, e, bound, inputs)
         except IllegalStepError:
             return opening
         except PutOffError:

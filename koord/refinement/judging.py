@@ -11,7 +11,14 @@ from koord.refinement.completion import CompletedInputs, by_place, program_turns
 from koord.refinement.running import CompiledRun
 from koord.semantics.domain import DOUBLES
 from koord.semantics.oracle import Key, Phase
-from koord.semantics.recordings import Concrete, RecordedInputs, Recording, Step, execute
+from koord.semantics.recordings import (
+    Concrete,
+    Reached,
+    RecordedInputs,
+    Recording,
+    Step,
+    execute,
+)
 from koord.semantics.rounds import IllegalStepError, evolved, initialised
 from koord.semantics.values import default
 from koord.syntax import core
@@ -74,13 +81,16 @@ def completed(trace: Trace) -> Trace:
     Evaluation by the rules is total: it goes on behind a fault, with answers that have no meaning.
     A program that runs ends at once. So answers that are missing in the last step are made up.
     """
+    *earlier, last = trace.parts
+    before = Reached(earlier[-1].system, earlier[-1].configurations[-1]) if earlier else None
     try:
-        return _completed(trace)
+        done = _completed(last, before)
+        return replace(trace, later=(*trace.later[:-1], done)) if earlier else done
     except IllegalStepError:
         return trace  # and replay will say where and why
 
 
-def _completed(trace: Trace) -> Trace:
+def _completed(trace: Trace, before: Reached | None) -> Trace:
     system, recording = trace.system, trace.recording
     opening, rounds = recording.opening, recording.rounds
     answers = (*opening.answers, *(a for round_ in rounds for a in round_.answers))
@@ -98,13 +108,15 @@ def _completed(trace: Trace) -> Trace:
         some = default(DOUBLES, function.result.type, system.robots)
         return known.setdefault((function.name, arguments), some)
 
+    if not rounds and before is not None:
+        return trace  # where it goes on there is no fault
     if not rounds:
         starts = RecordedInputs(starts=opening.starts)
         inputs = CompletedInputs(starts, by_place(opening.answers), make_up)
         initialised(DOUBLES, system, inputs, opening.order)
         whole = Recording(replace(opening, answers=inputs.answers), ())
         return replace(trace, recording=whole)
-    *_, start = execute(DOUBLES, system, Recording(opening, rounds[:-1]))
+    *_, start = execute(DOUBLES, system, Recording(opening, rounds[:-1]), before=before)
     last = rounds[-1]
     inputs = CompletedInputs(
         RecordedInputs(readings=last.readings), by_place(last.answers), make_up

@@ -111,6 +111,7 @@ class Recorder(Struct):
 
     made: Compiled
     translation: Translation
+    first: int | None = None  #: the number of the first round of a run that goes on; None: INIT
     opening: Opening = field(default=Opening(()))
     rounds: list[Round] = field(default_factory=list)
     configurations: list[Configuration[Constant]] = field(default_factory=list)
@@ -136,8 +137,11 @@ class Recorder(Struct):
 
     def trace(self, sources: Sources, recording: Recording, fleet: RoundEngine) -> Trace:
         """Make a trace of a recording of the first rounds, with their output."""
-        rounds = len(recording.rounds)
-        shown = (one for one in fleet.shown if one.round < rounds)
+        rounds, first = len(recording.rounds), self.first
+        shown = [one for one in fleet.shown if one.round < rounds]
+        if first is not None:  # rounds are counted from there
+            own = (one for one in fleet.shown if first <= one.round < first + rounds)
+            shown = [replace(one, round=one.round - first) for one in own]
         return Trace(
             sources,
             self.translation.system,

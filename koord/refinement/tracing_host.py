@@ -18,7 +18,16 @@ from koord.runtime.engine import RoundEngine
 from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.runtime.shapes import Shape, from_plain
-from koord.semantics.recordings import Answer, Concrete, Opening, Reading, Recording, Round, Start
+from koord.semantics.recordings import (
+    Answer,
+    Concrete,
+    Opening,
+    Reached,
+    Reading,
+    Recording,
+    Round,
+    Start,
+)
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.system import System
@@ -79,8 +88,14 @@ class TracedFleet(TracingHost):
     """
 
     def __init__(
-        self, made: Compiled, system: System, host: Host, world: Host | None = None
+        self,
+        made: Compiled,
+        system: System,
+        host: Host,
+        world: Host | None = None,
+        before: Reached | None = None,
     ) -> None:
+        """Trace a fleet; one that goes on from ``before``, if that is given. [RELOAD]"""
         shapes = {name: s for one in made.classes for name, s in one.EXTERNALS.items()}
         super().__init__(host, Translation(system, made.names), shapes, self._note)
         self.system = system
@@ -88,8 +103,10 @@ class TracedFleet(TracingHost):
         self._starts: dict[tuple[Home, int, int | None], Start] = {}
         self._readings: list[Reading] = []
         self._answers: list[Answer] = []
-        self._recorder = Recorder(made, self.translation)
-        self._completing = Completing(system, self._lasting)
+        first = None if before is None else before.configuration.round
+        self._recorder = Recorder(made, self.translation, first)
+        self._before = before
+        self._completing = Completing(system, self._lasting, before)
         self._complete: list[Round] = []  #: the rounds with all answers, as far as they are known
         self._complete_opening: Opening | None = None
 
@@ -120,6 +137,11 @@ class TracedFleet(TracingHost):
         else:
             self._recorder.round(decision, readings, answers, fleet)
 
+    def resumed(self, fleet: RoundEngine) -> None:
+        """Record that the program goes on, instead of INIT. [RELOAD]"""
+        answers, self._answers = tuple(self._answers), []
+        self._recorder.begun(Opening((), tuple(self._starts.values()), answers), fleet)
+
     def so_far(
         self,
         fleet: RoundEngine,
@@ -147,7 +169,7 @@ class TracedFleet(TracingHost):
         if self._completing.put_off:
             recorded = Recording(self._recorder.opening, tuple(self._recorder.rounds))
             bare = replace(trace, recording=recorded)
-            trace = with_summaries(bare, self._library)
+            trace = with_summaries(bare, self._library, before=self._before)
         return ended_in(trace, fleet.ended)
 
     # --- inside -----------------------------------------------------------------------------------

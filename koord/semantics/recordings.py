@@ -16,6 +16,7 @@ from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant, Domain
 from koord.semantics.oracle import Key, Oracle, Phase
 from koord.semantics.properties import holds_in
+from koord.semantics.reloading import reloaded
 from koord.semantics.rounds import (
     IllegalStepError,
     Stepped,
@@ -63,7 +64,7 @@ class Reading(Struct, frozen=True):
 
 
 class Opening(Struct, frozen=True):
-    """The recorded schedule and inputs of INIT."""
+    """The recorded schedule and inputs of INIT; of RELOAD, which has no order."""
 
     order: tuple[int, ...]
     starts: tuple[Start, ...] = ()
@@ -91,6 +92,13 @@ class Recording(Struct, frozen=True):
     opening: Opening
     rounds: tuple[Round, ...] = ()
     loop: int | None = None
+
+
+class Reached(Struct, frozen=True):
+    """Where a run is when another program goes on: its system, and the configuration. [RELOAD]"""
+
+    system: System
+    configuration: Configuration[Constant]
 
 
 # --- inputs from a recording --------------------------------------------------------------------
@@ -186,8 +194,9 @@ class RecordedInputs:
 class Step(Struct, frozen=True):
     """A step of a run: the rule, the robot, and the configuration reached.
 
-    ``round`` counts from 0; INIT belongs to no round (-1). ``event`` is the name of the event that
-    the robot ran, None for a skip and for steps of the whole system.
+    ``round`` counts from 0; INIT, and RELOAD that a recording begins with, belong to none (-1).
+    ``event`` is the name of the event that the robot ran, None for a skip and for steps of the
+    whole system.
     """
 
     rule: str
@@ -206,23 +215,29 @@ def execute(
     system: System,
     recording: Recording,
     heard: list[Answer] | None = None,
+    before: Reached | None = None,
 ) -> Iterator[Step]:
     """Execute a recorded run: yield its steps from INIT on. Raises IllegalStepError.
 
-    The answers that it asks for are added to ``heard``. Raises :class:`IllegalStepError` at the
-    first step that the rules do not allow. Stops early after a fault.
+    With ``before`` it goes on from there instead of INIT. The answers that it asks for are added to
+    ``heard``. Raises :class:`IllegalStepError` at the first step that the rules do not allow. Stops
+    early after a fault.
     """
     heard = [] if heard is None else heard
     opening = recording.opening
     inputs = RecordedInputs(starts=opening.starts, answers=opening.answers, heard=heard)
     known: dict[tuple[str, tuple[Concrete, ...]], Concrete] = {}
     _consistent(system, opening.answers, known)
-    _permutation(opening.order, system.robots, whole=True)
-    stepped = initialised(d, system, inputs, opening.order)
-    if stepped.configuration.fault is None:
-        _assumed(d, system, stepped.configuration, inputs)
-    stepped = faulted_start(d, system, stepped)
-    yield Step("INIT", -1, None, None, stepped)
+    if before is not None:
+        stepped = reloaded(d, before.system, system, before.configuration, inputs)
+        yield Step("RELOAD", -1, None, None, stepped)
+    else:
+        _permutation(opening.order, system.robots, whole=True)
+        stepped = initialised(d, system, inputs, opening.order)
+        if stepped.configuration.fault is None:
+            _assumed(d, system, stepped.configuration, inputs)
+        stepped = faulted_start(d, system, stepped)
+        yield Step("INIT", -1, None, None, stepped)
     for number, round_ in enumerate(recording.rounds):
         if stepped.configuration.fault is not None:
             raise IllegalStepError("FAULT", "a faulted configuration has no successors")
@@ -231,12 +246,12 @@ def execute(
         inputs = RecordedInputs(readings=round_.readings, answers=round_.answers, heard=heard)
         for robot in round_.order:
             position = round_.events[robot]
-            before = stepped.configuration
+            at = stepped.configuration
             if position is None:
-                stepped = run_skip(d, system, before, robot, inputs)
+                stepped = run_skip(d, system, at, robot, inputs)
                 yield Step("SKIP", number, robot, None, stepped)
             else:
-                stepped = run_event(d, system, before, robot, position, inputs)
+                stepped = run_event(d, system, at, robot, position, inputs)
                 name = system.agent(robot).events[position].name
                 yield Step("EVENT-TRANS", number, robot, name, stepped)
             if stepped.configuration.fault is not None:

@@ -7,12 +7,12 @@ the JSON path of what is wrong, and nothing else.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from itertools import starmap
 from typing import Any, Protocol, TypeAlias
 
-from msgspec import UNSET, Struct, to_builtins
+from msgspec import UNSET, Struct, UnsetType, to_builtins
 from msgspec.structs import replace
 
 from koord.syntax import core
@@ -21,7 +21,7 @@ from koord.syntax.forms import Natural
 from koord.syntax.source import Source, visible
 from koord.syntax.system import System
 from koord.traces import form
-from koord.traces.form import FORMAT, LOOP, PLAIN, VERSION
+from koord.traces.form import FORMAT, LOOP, PLAIN, SLACK, VERSION
 from koord.traces.json_reader import FormError, JsonNode, parse
 from koord.traces.run_codec import decode_run, encode_run
 from koord.traces.trace import Sources, Trace, digest
@@ -42,11 +42,30 @@ Load: TypeAlias = Callable[[Sources], core.Program]
 def encode(trace: Trace, *, with_rounds: bool = True) -> bytes:
     """Encode a trace as JSON in UTF-8, one round per line; optionally without its rounds."""
     run = encode_run(trace, with_rounds=with_rounds)
+    whole = replace(trace, later=())
     lines = []
-    for name, value in to_json(trace, run=replace(run, rounds=[])).items():
+    for name, value in to_json(whole, run=replace(run, rounds=[])).items():
         text = _rendered_run(value, run.rounds) if name == "run" else json.dumps(value)
         lines.append(f"{json.dumps(name)}: {text}")
+    if trace.later:
+        lines[1] = f'"version": {VERSION}'
+        parts = ",\n".join(rendered_part(part, with_rounds=with_rounds) for part in trace.later)
+        lines.append(f'"later": [\n{parts}\n]')
     return ("{\n" + ",\n".join(lines) + "\n}\n").encode("utf-8")
+
+
+def rendered_part(part: Trace, *, with_rounds: bool = True) -> str:
+    """Encode a later part of a run as text; optionally without its rounds."""
+    run = encode_run(part, with_rounds=with_rounds)
+    found: dict[str, Any] = to_builtins(_encode_later(part, replace(run, rounds=[])))
+    text = _rendered_run(found.pop("run"), run.rounds)
+    return f'{json.dumps(found)[:-1]}, "run": {text}}}'
+
+
+def _encode_later(part: Trace, run: form.Run) -> form.Later:
+    subject = encode_subject(part.sources, part.system)
+    names = ("program", "properties", "params", "tasks")
+    return form.Later(**{name: subject[name] for name in names}, run=run)
 
 
 def _rendered_run(run: Any, rounds: list[form.Round]) -> str:
@@ -73,6 +92,7 @@ def to_json(trace: Trace, run: form.Run | None = None) -> dict[str, Json]:
         numbers=trace.numbers,
         slack=encode_fraction(trace.slack) if trace.slack else UNSET,
         run=encode_run(trace) if run is None else run,
+        later=[_encode_later(part, encode_run(part)) for part in trace.later] or UNSET,
     )
     found: dict[str, Json] = to_builtins(file)
     return found
@@ -92,8 +112,10 @@ def encode_subject(sources: Sources, system: System) -> dict[str, Any]:
 
 
 def _version(trace: Trace) -> form.Version:
-    if trace.slack:
+    if trace.later:
         return VERSION
+    if trace.slack:
+        return SLACK
     return PLAIN if trace.recording.loop is None else LOOP
 
 
@@ -128,9 +150,26 @@ def decode_document(document: object, name: str, load: Load | None = None, at: s
         file = JsonNode(document).form(form.File)
         subject = decode_subject(file, load if load is not None else load_embedded)
         trace = decode_run(file.run, subject.sources, subject.system, file.numbers)
+        later = () if file.later is UNSET else tuple(_decode_later(file, load or load_embedded))
     except FormError as error:
         raise error.refusal(name, at, file) from None
-    return replace(trace, slack=subject.slack)
+    return replace(trace, slack=subject.slack, later=later)
+
+
+def _decode_later(file: form.File, load: Load) -> Iterator[Trace]:
+    """Decode the parts of a run after each change of its program. Raises FormError, KoordError."""
+    assert not isinstance(file.later, UnsetType)
+    for part in file.later:
+        of = replace(
+            file,
+            program=part.program,
+            properties=part.properties,
+            params=part.params,
+            tasks=part.tasks,
+        )
+        subject = decode_subject(of, load)
+        trace = decode_run(part.run, subject.sources, subject.system, file.numbers)
+        yield replace(trace, slack=subject.slack)
 
 
 class Headed(Protocol):
@@ -194,7 +233,7 @@ def _check_format(document: object, name: str) -> None:
             "name a file that `koord run --trace` or `koord verify --trace` wrote",
         )
     version = document.get("version")
-    if version in (PLAIN, LOOP, VERSION) and not isinstance(version, bool):
+    if version in (PLAIN, LOOP, SLACK, VERSION) and not isinstance(version, bool):
         return
     if isinstance(version, int) and not isinstance(version, bool) and version > VERSION:
         raise refusal(

@@ -19,12 +19,13 @@ from koord.traces.trace import Numbers, ViolationKind
 FORMAT: Final = "koord trace"
 
 #: Raised with every change that an older reader would misunderstand.
-VERSION: Final = 3
+VERSION: Final = 4
 
 #: What has nothing new in it is written as older readers know it: 2 is a run that repeats itself,
-#: 3 one with slack.
+#: 3 one with slack, 4 one whose program was changed.
 PLAIN: Final = 1
 LOOP: Final = 2
+SLACK: Final = 3
 
 #: How the status of a robot is written.
 STATUS_NAMES = tuple(status.name.lower() for status in sorted(Status))
@@ -42,7 +43,7 @@ Variables: TypeAlias = Annotated[
 Event: TypeAlias = Annotated[
     str | None, Meta(description="The name of an event of the robot's agent; null for a skip.")
 ]
-Version: TypeAlias = Literal[1, 2, 3]
+Version: TypeAlias = Literal[1, 2, 3, 4]
 Home: TypeAlias = Literal["local", "port", "allread", "allwrite"]
 
 _ANY = ["boolean", "number", "string", "array", "object"]
@@ -209,6 +210,19 @@ class Run(Form, kw_only=True):
     violation: Violation | None
 
 
+class Later(Form, kw_only=True):
+    """A part of a run with another program, which goes on from where the one before ended (rule
+    RELOAD). Its opening has no order, its initial configuration is the one in which the program
+    goes on, and its rounds count from there.
+    """
+
+    program: Text
+    properties: list[Text]
+    params: dict[str, Param]
+    tasks: list[tuple[Rational, Rational, Rational]] | None
+    run: Run
+
+
 class File(Form, kw_only=True):
     """A run of a Koord program: texts, settings, schedule, answers, configurations, output (rules
     TRACE, RECORDING, REPLAY). Values are encoded by their types in the program: see $defs/Value.
@@ -217,7 +231,10 @@ class File(Form, kw_only=True):
     format: Literal["koord trace"]
     version: Annotated[
         Version,
-        Meta(description="3 if claims have slack, else 2 if the run repeats itself, else 1."),
+        Meta(
+            description="4 if the program was changed, else 3 if claims have slack, else 2 if the "
+            "run repeats itself, else 1."
+        ),
     ]
     program: Text
     properties: Annotated[list[Text], Meta(description="Files of further properties (--with).")]
@@ -246,3 +263,7 @@ class File(Form, kw_only=True):
         ),
     ] = UNSET
     run: Run
+    later: Annotated[
+        list[Later] | UnsetType,
+        Meta(description="The parts of the run after each change of its program."),
+    ] = UNSET

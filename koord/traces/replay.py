@@ -7,6 +7,7 @@ from itertools import islice
 from typing import TypeAlias
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, Written
 from koord.semantics.domain import Constant, Domain
@@ -16,6 +17,7 @@ from koord.semantics.properties import holds_in, overlap
 from koord.semantics.recordings import (
     Answer,
     Concrete,
+    Reached,
     RecordedInputs,
     RecordedOracle,
     Round,
@@ -80,9 +82,9 @@ class Replayed(Struct, frozen=True):
     trusted: tuple[str, ...] = ()
 
 
-def planned(trace: Trace) -> Iterator[ExpectedStep]:
-    """The steps that a trace's recording prescribes."""
-    yield ExpectedStep("INIT", BEFORE_ROUNDS)
+def planned(trace: Trace, begins: str = "INIT") -> Iterator[ExpectedStep]:
+    """The steps that a trace's recording prescribes; ``begins`` is the rule of the first."""
+    yield ExpectedStep(begins, BEFORE_ROUNDS)
     for number, round_ in enumerate(trace.recording.rounds):
         for robot in round_.order:
             position = round_.events[robot] if robot < len(round_.events) else None
@@ -98,13 +100,31 @@ def planned(trace: Trace) -> Iterator[ExpectedStep]:
 
 def replay(trace: Trace, seen: Callable[[Step], None] = lambda step: None) -> Replayed:
     """Replay a trace. ``seen`` is called with every step that is right."""
-    replaying = _Replay(trace)
-    refused = None
-    try:
-        replaying.run(seen)
-    except _RefusedError as error:
-        refused = error.refused
-    return Replayed(replaying.steps, replaying.rounds, refused, trusted(trace.system.program))
+    steps, first, before = 0, 0, None
+    names: dict[str, None] = {}
+    for part in trace.parts:
+        names |= dict.fromkeys(trusted(part.system.program))
+        replaying = _Replay(part, before)
+        refused = None
+        try:
+            replaying.run(_from(first, seen))
+        except _RefusedError as error:
+            refused = error.refused
+            refused = replace(refused, step=_later(refused.step, first))
+        steps, first = steps + replaying.steps, first + replaying.rounds
+        if refused is not None or replaying.last is None:
+            break
+        before = Reached(part.system, replaying.last)
+    return Replayed(steps, first, refused, tuple(names))
+
+
+def _from(first: int, seen: Callable[[Step], None]) -> Callable[[Step], None]:
+    """What sees steps of a part of a run, whose rounds count from ``first``."""
+    return seen if not first else lambda step: seen(replace(step, round=step.round + first))
+
+
+def _later(step: ExpectedStep, first: int) -> ExpectedStep:
+    return replace(step, round=step.round + first)
 
 
 def trusted(program: core.Program) -> tuple[str, ...]:
@@ -128,22 +148,26 @@ class _RefusedError(Exception):
 
 
 class _Replay:
-    """A replay in progress: its position, and the inputs recorded for later steps."""
+    """A replay in progress: its position, and the inputs recorded for later steps.
 
-    def __init__(self, trace: Trace) -> None:
-        self.trace = trace
+    With ``before`` it is of a part that goes on from there with another program. [RELOAD]
+    """
+
+    def __init__(self, trace: Trace, before: Reached | None = None) -> None:
+        self.trace, self.before = trace, before
+        self.last: Configuration[Constant] | None = None  #: the one that was reached
         self.names = Names(trace.system)
         self.d = trace.numbers.domain
         self.steps = 0
         self.rounds = 0
-        self.plan = list(planned(trace))
+        self.plan = list(planned(trace, "INIT" if before is None else "RELOAD"))
         self.ends: list[Configuration[Constant]] = []  #: after INIT and after each round
         self.outputs = iter(trace.outputs)
         self.functions: dict[Question, Concrete] = {}
 
     def run(self, seen: Callable[[Step], None]) -> None:
         self.check_shape()
-        steps = execute(self.d, self.trace.system, self.trace.recording)
+        steps = execute(self.d, self.trace.system, self.trace.recording, before=self.before)
         last: Step | None = None
         for number, plan in enumerate(self.plan):
             try:
@@ -158,9 +182,9 @@ class _Replay:
                 )
                 raise self.refusal("FAULT", plan, f"{reason}, and goes on in the trace")
             self.check_step(plan, step, closes=self.closes(number, step))
-            if step.rule in ("INIT", "ENV-TRANS"):
+            if step.rule in ("INIT", "RELOAD", "ENV-TRANS"):
                 self.ends.append(step.configuration)
-            last = step
+            last, self.last = step, step.configuration
             self.steps += 1
             seen(step)
         assert last is not None
@@ -283,7 +307,7 @@ class _Replay:
         if stated.kind in LIVENESS:
             return "LASSO", False  # no run that ends refutes it
         at_round = stated.kind is PropertyKind.AT_ROUND
-        if at_round and last.rule not in ("INIT", "ENV-TRANS"):
+        if at_round and last.rule not in ("INIT", "RELOAD", "ENV-TRANS"):
             return "PROP-ROUND", False
         recording, at = self.trace.recording, last.configuration
         seen = recording.opening if last.round == BEFORE_ROUNDS else recording.rounds[last.round]

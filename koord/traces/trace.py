@@ -12,6 +12,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, Written
 from koord.semantics.domain import DOUBLES, EXACT, Constant, Domain
@@ -98,6 +99,10 @@ class Trace(Struct, frozen=True):
     ``slack`` is by how much floats may be off in what the program claims, for vehicles that made
     the run keep no claim to the letter. Of a trace that is ``cut_off`` the file ends in the middle:
     what the run did after these rounds is not known.
+
+    ``later`` are the parts of a run whose program was changed: each a trace of its own program,
+    whose recording goes on from where the part before it ended, and counts rounds from there.
+    [RELOAD]
     """
 
     sources: Sources
@@ -109,6 +114,12 @@ class Trace(Struct, frozen=True):
     violation: Violation | None = None
     slack: Fraction = Fraction(0)
     cut_off: bool = False
+    later: tuple[Trace, ...] = ()
+
+    @property
+    def parts(self) -> tuple[Trace, ...]:
+        """The trace of each program that the run had, in order; mostly there is one."""
+        return (replace(self, later=()), *self.later) if self.later else (self,)
 
     @property
     def problem(self) -> Problem:
@@ -129,7 +140,7 @@ class Tracer(Struct):
         if self._open:
             self.configurations.pop()
         self.configurations.append(step.configuration)
-        self._open = step.rule not in ("INIT", "ENV-TRANS")
+        self._open = step.rule not in ("INIT", "RELOAD", "ENV-TRANS")
         self.outputs += emitted(step)
 
     def add_round(

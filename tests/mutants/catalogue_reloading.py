@@ -7,6 +7,7 @@ from tests.mutants.mutant import Mutant
 RULES = "tests/semantics/test_reloading.py"
 RUNS = "tests/api/test_reloading.py"
 EDITS = "tests/sim/test_edits.py"
+TRACES = "tests/traces/test_reloads.py"
 
 RELOADING = (
     Mutant(
@@ -92,5 +93,40 @@ RELOADING = (
         "while self._texts and self._texts[0][0] <= round_: _, text = self._texts.pop(0)",
         "if self._texts and self._texts[0][0] <= round_: _, text = self._texts.pop(0)",
         (RUNS,),
+    ),
+    Mutant(
+        "replay begins anew where another program goes on",
+        "traces.replay.replay",
+        "Reached(part.system, replaying.last)",
+        "None",
+        (TRACES,),
+    ),
+    Mutant(
+        "rounds of a later program are counted from its own beginning",
+        "traces.replay._later",
+        "step.round + first",
+        "step.round",
+        (TRACES,),
+    ),
+    Mutant(
+        "claims of the first program are asked of later ones",
+        "api.replay.replayed",
+        "step.rule in ('INIT', 'RELOAD')",
+        "step.rule == 'INIT'",
+        (TRACES,),
+    ),
+    Mutant(
+        "a cut trace of several programs ends as one of one program",
+        "traces.unfinished.mended",
+        "_LATER_END if _LATER.encode() in head else _END",
+        "_END",
+        (TRACES,),
+    ),
+    Mutant(
+        "a trace that grows keeps its version",
+        "traces.unfinished.GrowingTrace.grow",
+        "self._raise_version()",
+        "pass",
+        (TRACES,),
     ),
 )
