@@ -439,9 +439,9 @@ SIMULATED = (
     ),
     Mutant(
         "what grows has rounds twice",
-        "traces.unfinished.GrowingTrace.grow",
-        "encode_rounds(trace, self._rounds)",
-        "encode_rounds(trace)",
+        "traces.unfinished.GrowingTrace._grown",
+        "encode_rounds(part, self._rounds)",
+        "encode_rounds(part)",
         (PARTS,),
     ),
     Mutant(

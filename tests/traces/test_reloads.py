@@ -19,6 +19,7 @@ from koord.api.outputs import Outputs
 from koord.api.sim_report import Simulated
 from koord.api.sim_run import SimulationRequest
 from koord.api.simulation import simulate_fitted
+from koord.api.traces import Trace as Recorded
 from koord.api.traces import read_trace
 from koord.cli.exits import Exit
 from koord.cli.main import main
@@ -34,6 +35,7 @@ from koord.traces.unfinished import GrowingTrace, completed
 from tests.generators import runs
 from tests.generators.strategies import systems
 from tests.sampling import examples
+from tests.traces.test_codec import VALID
 
 FIRST = """\
 local:
@@ -122,9 +124,11 @@ def test_a_trace_goes_on_with_other_programs(kept: Path, trace: Trace) -> None:
     assert [part.configurations[0].round for part in trace.parts] == [0, 2, 5]
     assert json.loads(kept.read_bytes())["version"] == 4
     assert encode(trace) == kept.read_bytes()
+    assert next(VALID.iter_errors(json.loads(kept.read_bytes())), None) is None
     report = koord.replay(kept)
     assert (report.legal, report.rounds) == (True, 8)
     assert report.to_dict()["reloads"] == [2, 5]
+    assert "reloads" not in koord.replay(Recorded(trace.parts[0])).to_dict()
 
 
 def test_the_terminal_says_where(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:
