@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from operator import is_
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from msgspec import Struct
@@ -23,7 +23,6 @@ from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.group import TICK_S
 from koord.runtime.proposals import Decision
 from koord.sim.claims import Watching
-from koord.sim.fleet_kernel import FusedFleet
 from koord.sim.gauge_kernel import CompiledGoing
 from koord.sim.observing import nothing
 from koord.sim.reading import WholeSensors
@@ -33,6 +32,9 @@ from koord.sim.squads import STEPS
 from koord.sim.standing_kernel import CompiledWatchman
 from koord.sim.stride_kernel import TABLE, address_of, striding_code
 from koord.sim.vehicles.compiled_automata import Table
+
+if TYPE_CHECKING:
+    from koord.sim.fleet_kernel import FusedFleet
 
 _Calls: TypeAlias = Sequence[tuple[Callable[..., int], tuple[int, ...]]]
 
@@ -55,15 +57,11 @@ class Strides:
     @staticmethod
     def of(run: Simulation) -> Strides | None:
         """What makes rounds of a run; None if there is none for runs of its kind."""
-        engine, squad = run.engine, run.fleet.only_squad or FusedFleet.of(run.fleet)
+        engine, squad = run.engine, _squads(run)
         sensors = None if run.reader is None else run.reader.whole()
         if type(run) is not Simulation or type(engine) is not ColumnEngine or sensors is None:
             return None
-        if (
-            engine.fleet is None
-            or not isinstance(squad, FusedDrones | FusedFleet)
-            or len(run.cast.kinds) < 2
-        ):
+        if engine.fleet is None or squad is None or len(run.cast.kinds) < 2:
             return None
         if type(run.schedule) is not Deployed or engine.has_models or run.host.told_more:
             return None
@@ -282,6 +280,18 @@ class Strides:
         for one in of.watching:
             one.note_sure(done)
         return decisions
+
+
+def _squads(run: Simulation) -> FusedDrones | FusedFleet | None:
+    """What makes the ticks of all robots; None if there is no machine code that does."""
+    squad = run.fleet.only_squad
+    if squad is not None:
+        return squad if isinstance(squad, FusedDrones) else None
+    if not any(placed.model.body.ON_GROUND for placed in run.scene.robots):
+        return None  # what vehicles on the ground need is not to be imported
+    from koord.sim.fleet_kernel import FusedFleet
+
+    return FusedFleet.of(run.fleet)
 
 
 class _Parts(Struct, frozen=True, eq=False):

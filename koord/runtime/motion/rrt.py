@@ -23,19 +23,14 @@ from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.curves import CHECK_M, SPACING_M, Curve, State, is_free
 from koord.runtime.motion.curves import points as points_of
 from koord.runtime.motion.field import Field
-from koord.runtime.motion.libraries import missing
+from koord.runtime.motion.libraries import missing, require
 from koord.runtime.motion.planning import Ground, PlanningEffort, Pose, suits
 from koord.runtime.motion.world import Point, World
 
 if TYPE_CHECKING:
     from koord.runtime.motion.compiled_curves import DirectWays
 
-try:
-    from ompl import base, geometric, util
-except ImportError as error:
-    raise missing("ompl", "sim") from error
-
-util.setLogLevel(util.LOG_NONE)
+require(("ompl",), "sim")
 
 #: Paths keep this much more from obstacles than the body needs.
 MARGIN_M = 0.03
@@ -68,6 +63,19 @@ def _new_lock() -> None:
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_new_lock)
+
+
+@cache
+def _ompl() -> Any:
+    """OMPL, imported when a way is first sought by it: many runs never do. Raises KoordError."""
+    try:
+        import ompl.base
+        import ompl.geometric
+        import ompl.util
+    except ImportError as error:
+        raise missing("ompl", "sim") from error
+    ompl.util.setLogLevel(ompl.util.LOG_NONE)
+    return ompl
 
 
 class TreePlanner(Struct, frozen=True):
@@ -106,7 +114,7 @@ class TreePlanner(Struct, frozen=True):
         if direct is not None:
             return direct
         with _chance:
-            util.RNG.setSeed(seed % 2**31 + 1)
+            _ompl().util.RNG.setSeed(seed % 2**31 + 1)
             return self._grown(free, start, goal, keeps_m)
 
     def _direct(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
@@ -128,7 +136,7 @@ class SpacePlanner(TreePlanner, frozen=True):
     def _grown(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
         body = self.ground.body
         axes = 2 if body.ON_GROUND else 3
-        space = _bounded(base.RealVectorStateSpace(axes), self.ground.world, axes)
+        space = _bounded(_ompl().base.RealVectorStateSpace(axes), self.ground.world, axes)
         reach_m = max(body.radius_m + MARGIN_M, self.ground.room.least_m)
         enough = _keeping(free, start.position, goal, reach_m, keeps_m)
 
@@ -144,7 +152,7 @@ class SpacePlanner(TreePlanner, frozen=True):
         path = query.solve(begin, [end])
         if path is None:
             return None
-        geometric.PathSimplifier(query.information).reduceVertices(path, maxSteps=30)
+        _ompl().geometric.PathSimplifier(query.information).reduceVertices(path, maxSteps=30)
         return np.array([(s[0], s[1], height(s)) for s in path.getStates()])
 
 
@@ -207,7 +215,7 @@ class CurvePlanner(TreePlanner, frozen=True):
         path = query.solve(begin, ends)
         if path is None:
             return None
-        geometric.PathSimplifier(query.information).partialShortcutPath(path, maxSteps=30)
+        _ompl().geometric.PathSimplifier(query.information).partialShortcutPath(path, maxSteps=30)
         path.interpolate(max(8, math.ceil(path.length() / 0.02)))
         fine = np.array([(s.getX(), s.getY(), s.getYaw()) for s in path.getStates()])
         return self._on_ground(spaced(fine))
@@ -225,7 +233,7 @@ class CurvePlanner(TreePlanner, frozen=True):
 
     def _space(self) -> Any:
         """The space of a car's poses, with the shortest curve between any two."""
-        made = base.DubinsStateSpace if self.forwards else base.ReedsSheppStateSpace
+        made = _ompl().base.DubinsStateSpace if self.forwards else _ompl().base.ReedsSheppStateSpace
         return made(self.ground.body.turning_m * _WIDER)
 
     def _on_ground(self, flat: Floats) -> Floats:
@@ -269,7 +277,7 @@ def _curves(space: Any, start: Pose, goal: Point, radius_m: float) -> Iterator[C
 
 def _bounded(space: Any, world: World, axes: int) -> Any:
     """The state space with the bounds of the world."""
-    bounds = base.RealVectorBounds(axes)
+    bounds = _ompl().base.RealVectorBounds(axes)
     for axis in range(axes):
         bounds.setLow(axis, world.low[axis])
         bounds.setHigh(axis, world.high[axis])
@@ -288,7 +296,7 @@ class _Query(Struct):
     information: Any = None
 
     def __post_init__(self) -> None:
-        self.information = base.SpaceInformation(self.space)
+        self.information = _ompl().base.SpaceInformation(self.space)
         self.information.setStateValidityChecker(self.valid)
         self.information.setStateValidityCheckingResolution(CHECK_M / self.space.getMaximumExtent())
         self.information.setup()
@@ -305,15 +313,15 @@ class _Query(Struct):
         if not goals or not self.valid(start):
             return None
         if self.optimal:
-            path = self._grow(geometric.RRTstar, self.effort.star_steps, start, goals)
+            path = self._grow(_ompl().geometric.RRTstar, self.effort.star_steps, start, goals)
             if path is not None:
                 return path
-        return self._grow(geometric.RRTConnect, self.effort.steps, start, goals)
+        return self._grow(_ompl().geometric.RRTConnect, self.effort.steps, start, goals)
 
     def _grow(self, kind: Any, steps: int, start: Any, goals: Sequence[Any]) -> Any:
-        problem = base.ProblemDefinition(self.information)
+        problem = _ompl().base.ProblemDefinition(self.information)
         problem.addStartState(start)
-        target = base.GoalStates(self.information)
+        target = _ompl().base.GoalStates(self.information)
         for goal in goals:
             target.addState(goal)
         problem.setGoal(target)
@@ -328,7 +336,7 @@ class _Query(Struct):
             left -= 1
             return left < 0
 
-        tree.solve(base.PlannerTerminationCondition(used_up))
+        tree.solve(_ompl().base.PlannerTerminationCondition(used_up))
         return problem.getSolutionPath() if problem.hasExactSolution() else None
 
 
