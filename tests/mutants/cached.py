@@ -296,9 +296,9 @@ CACHED = (
     ),
     Mutant(
         "cache: who proved all is asked as all others are",
-        "verify.strategy.verification._Asking.turns",
-        "self.again and row.again is not None",
-        "False",
+        "verify.strategy.verification._Asking._is_wanted",
+        "self.again or not row.again",
+        "not row.again",
         (LIKELY,),
     ),
     Mutant(
@@ -317,7 +317,7 @@ CACHED = (
     ),
     Mutant(
         "strategy: what is asked ahead stays in the way of a race",
-        "verify.strategy.verification._Verification._take_turns",
+        "verify.strategy.verification._Verification._take_each",
         "ahead is not None",
         "False",
         (MANY,),

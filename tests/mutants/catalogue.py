@@ -516,6 +516,20 @@ VERIFY = (
         (RACES,),
     ),
     Mutant(
+        "others know what those who were begun ahead found by chance",
+        "verify.strategy.race.RaceTurn._after_head_start",
+        "_take_notes(ledger, job, _HEAD_START)",
+        "_take_notes(ledger, job)",
+        (RACES,),
+    ),
+    Mutant(
+        "what those who were begun ahead found late counts before others are asked",
+        "verify.strategy.race.RaceTurn._after_head_start",
+        "job.found is not None and _worked(job) <= _HEAD_START",
+        "job.found is not None",
+        (RACES,),
+    ),
+    Mutant(
         "who says more is waited for to the end",
         "verify.strategy.race.RaceTurn.work",
         "first and self.patience is not None and can_fork()",

@@ -37,8 +37,13 @@ def new_context(make: Callable[[], C]) -> C:
     return _made(make)
 
 
-def make_ahead() -> None:
-    """Make what each process that is forked from now on needs, if this one needed any."""
+def make_ahead(make: Callable[[], object] | None = None) -> None:
+    """Make what each process that is forked from now on needs.
+
+    If this one needed none so far, that is what ``make`` makes, or nothing.
+    """
+    global _maker
+    _maker = _maker or make
     if _maker is not None:
         _ahead.extend(_made(_maker) for _ in range(_FEW - len(_ahead)))
 

@@ -18,6 +18,7 @@ from msgspec import Struct, field
 from koord.syntax.budget import OutOfBudgetError
 from koord.verify.claims import Claim
 from koord.verify.encoding.contexts import make_ahead
+from koord.verify.encoding.z3_loading import z3
 from koord.verify.job_process import JobChannel
 from koord.verify.ledger import Extract, Ledger, reach_of
 from koord.verify.obstacles import Failure
@@ -45,6 +46,43 @@ class Runner(Struct, frozen=True):
     turn: Maker
 
 
+class Ahead(Struct, frozen=True):
+    """Those who are asked first in a race, and begun before it, on what is ``known`` by then.
+
+    With one process they wait for the race.
+    """
+
+    runners: tuple[Runner, ...]
+    known: Ledger
+    job: Job[Extract]
+
+    @staticmethod
+    def begun(runners: Sequence[Runner], ledger: Ledger, pool: Pool) -> Ahead:
+        """Begin with all open claims of a ledger, if there may be another process."""
+        known = ledger.of(ledger.open(), ledger.report)
+        job = _started(pool, known, runners, PastVerification())
+        return Ahead(tuple(runners), known, job)
+
+    @contextmanager
+    def ending(self, ledger: Ledger, pool: Pool) -> Iterator[None]:
+        """At the end of the context it is ended, be it that no race was run.
+
+        If that is by Ctrl-C or for want of time, what it told of by then counts.
+        """
+        try:
+            yield
+        except BaseException:
+            _take_notes(ledger, self.job)
+            raise
+        finally:
+            pool.drop(self.job)
+
+
+#: So much work is done by those who were begun ahead before others are asked beside them: what they
+#: have at a glance needs no race, and is known to the others.
+_HEAD_START = 3_000
+
+
 class RaceTurn(Struct, frozen=True):
     """A turn: engines race for the open claims.
 
@@ -63,6 +101,7 @@ class RaceTurn(Struct, frozen=True):
     quick: bool = False
     patience: Patience | None = None
     meanwhile: Callable[[], None] = lambda: None
+    ahead: Ahead | None = None  #: those who are asked first, if they were begun before
 
     @property
     def name(self) -> str:
@@ -70,29 +109,33 @@ class RaceTurn(Struct, frozen=True):
         return "race"
 
     def work(self, ledger: Ledger) -> None:
-        claims = ledger.open()
-        known = ledger.of(claims, ledger.report)
+        jobs: dict[tuple[Runner, ...], Job[Extract]] = {}
         first = tuple(filter(self._is_open, self.first))
-        beside = tuple(filter(self._is_open, self.beside))
-        groups = [runners for runners in (first, *((each,) for each in beside)) if runners]
-        if can_fork():
-            make_ahead()
-        jobs = {
-            runners: self._started(known, claims, runners, PastVerification())
-            for runners in self._in_turn(groups, first)
-        }
         try:
+            if self.ahead is not None:
+                first = self._after_head_start(ledger, self.ahead, jobs)
+                if not self.wanted(ledger):
+                    return
+            known = ledger.of(ledger.open(), ledger.report)
+            given = {} if self.ahead is None else {self.ahead.runners: self.ahead.known}
+            beside = tuple(filter(self._is_open, self.beside))
+            groups = [runners for runners in (first, *((each,) for each in beside)) if runners]
+            if can_fork():
+                make_ahead(z3.Context)
+            for runners in self._in_turn(groups, first):
+                if runners not in jobs:
+                    own = given.get(runners, known)
+                    jobs[runners] = _started(self.pool, own, runners, PastVerification())
             most = None
             if first and self.patience is not None and can_fork():
                 with ledger.waiting():
                     most = self._most(known, [jobs[runners] for runners in groups], self.patience)
             for runners in groups:
-                for each in runners:
-                    self.steps.begin(self.stage, each.number, each.name)
+                self._begin(runners)
                 if most is not None and runners is first:
                     _take_some(ledger, jobs[first], most)
                 else:
-                    self._take(ledger, known, claims, runners, jobs)
+                    self._take(ledger, given.get(runners, known), runners, jobs)
                 if not self.wanted(ledger) or ledger.is_overtime():
                     return
         except BaseException:
@@ -103,6 +146,29 @@ class RaceTurn(Struct, frozen=True):
         finally:
             for job in jobs.values():
                 self.pool.drop(job)
+
+    def _after_head_start(
+        self, ledger: Ledger, ahead: Ahead, jobs: dict[tuple[Runner, ...], Job[Extract]]
+    ) -> tuple[Runner, ...]:
+        """Take what those who were begun ahead have at a glance; return them if they go on."""
+        job = jobs[ahead.runners] = ahead.job
+        if can_fork():
+            with ledger.waiting():
+                self.pool.wait(job, lambda: job.is_done or _worked(job) > _HEAD_START)
+        if job.found is not None and _worked(job) <= _HEAD_START:
+            self._begin(ahead.runners)
+            _take_all(ledger, job.found)
+            return ()
+        _take_notes(ledger, job, _HEAD_START)
+        if self.pool.jobs == 1 and not job.is_done:
+            # There is one core, which is for others: they begin anew behind these.
+            self.pool.drop(job)
+            del jobs[ahead.runners]
+        return ahead.runners
+
+    def _begin(self, runners: Sequence[Runner]) -> None:
+        for each in runners:
+            self.steps.begin(self.stage, each.number, each.name)
 
     def _in_turn(
         self, groups: Sequence[tuple[Runner, ...]], first: tuple[Runner, ...]
@@ -178,24 +244,10 @@ class RaceTurn(Struct, frozen=True):
         probe.verdicts.update((claim, said.verdict(claim)) for claim in others)
         return bool(broken) and self.wanted(probe)
 
-    def _started(
-        self,
-        known: Ledger,
-        claims: Sequence[Claim],
-        runners: Sequence[Runner],
-        past: PastVerification,
-        *,
-        first: bool = False,
-    ) -> Job[Extract]:
-        work = partial(_asked, known, claims, runners, past)
-        until = known.deadline.at_last()
-        return self.pool.submit("", work, until=until, counts=False, first=first)
-
     def _take(
         self,
         ledger: Ledger,
         known: Ledger,
-        claims: Sequence[Claim],
         runners: tuple[Runner, ...],
         jobs: dict[tuple[Runner, ...], Job[Extract]],
     ) -> None:
@@ -216,7 +268,7 @@ class RaceTurn(Struct, frozen=True):
             ledger.fail(Failure(who, job.end))
             if len(past.begun) == len(before.begun):
                 return  # it gets no further
-            jobs[runners] = self._started(known, claims, runners, past, first=True)
+            jobs[runners] = _started(self.pool, known, runners, past, first=True)
 
 
 class _Beside(Struct):
@@ -260,6 +312,20 @@ class _Beside(Struct):
     def worked(self, job: Job[Extract]) -> int:
         """The work of a job and of those before it."""
         return sum(map(_worked, self.jobs[: self.jobs.index(job) + 1]))
+
+
+def _started(
+    pool: Pool,
+    known: Ledger,
+    runners: Sequence[Runner],
+    past: PastVerification,
+    *,
+    first: bool = False,
+) -> Job[Extract]:
+    """Submit turns on the claims that are open, as far as is known."""
+    work = partial(_asked, known, known.open(), runners, past)
+    until = known.deadline.at_last()
+    return pool.submit("", work, until=until, counts=False, first=first)
 
 
 def _asked(

@@ -53,7 +53,7 @@ class AskEngine(Struct, frozen=True):
     endless: bool = False  #: only where inputs have infinitely many values, as no search is there
     named: bool = False  #: only where claims are named, and about those alone
     ended: bool = False  #: only where a search of all configurations has come to its end before
-    again: Task | None = None  #: instead, where it proved the same of a program like this one
+    again: bool = False  #: only where it proved the same of a program like this one
     #: values that merely flow are left out for it, and lemmas are given (of whole runs)
     opaque: bool = False
 
@@ -118,6 +118,8 @@ class AskAtOnce(Struct, frozen=True):
     beside: Rows
     quick: bool = False  #: it seldom takes longer than a second
     patience: Patience | None = None
+    #: the fleets for which those who are asked first are begun before all rows, on another core
+    ahead: Fleet | None = None
 
 
 Row: TypeAlias = "AskEngine | AskOnSlices | AskEachClaim | AskAtOnce"
@@ -129,10 +131,6 @@ LivenessRow: TypeAlias = "AskEngine | AskAtOnce"
 #: What proofs for every number of robots may cost where others are asked afterwards.
 SPARING_S = 3.0
 
-#: What is settled in less is told before anybody else is asked: proofs for every number of robots
-#: in steps of evaluation, and what costs a solver more is left to the race.
-_AT_A_GLANCE = Task(seconds=0.02, evaluations=3_000)
-
 #: With many robots whoever proves it has no rival: to fork processes for others would take as long.
 _OF_MANY = Task(seconds=1.0, evaluations=16_000)
 
@@ -141,13 +139,17 @@ _OF_MANY = Task(seconds=1.0, evaluations=16_000)
 _ONCE_MORE = Task(seconds=0.3, evaluations=40_000)
 
 #: What proofs and lemmas for every number of robots may cost where others have an answer already:
-#: some tenths of a second, as they say more. With many robots they are the only ones.
+#: some tenths of a second, as they say more. What is settled in less is told before anybody else is
+#: asked. With many robots they are the only ones.
 _A_LITTLE = Task(seconds=0.08, evaluations=15_000)
 _LEMMAS_SOON = Task(Purpose.INFER, seconds=0.05, evaluations=10_000, candidates=FEW)
 
 #: All of that is waited for only as long as it may be seen in the end: `auto` is to take at most so
 #: many times what an engine alone takes, and some tenths of a second.
 _RULE = Patience(times=1.3, steps=5_500)
+
+#: The same for those who were begun before others: with what these had at a glance.
+_RULE_AHEAD = Patience(times=1.3, steps=7_600)
 
 #: What takes some seconds: lemmas of some ten questions.
 _OF_SOME_SECONDS = 200_000
@@ -196,7 +198,7 @@ _TO_THE_END: Rows = (
 #: before anything else is tried.
 _ALL_ENGINES: Rows = (
     AskEngine(Engine.SEARCH, Task(Purpose.REFUTE, states=HANDFUL, evaluations=3_000), quick=True),
-    AskEngine(Engine.EVERY_N, _AT_A_GLANCE, quick=True, fleet=Fleet.FEW, again=_ONCE_MORE),
+    AskEngine(Engine.EVERY_N, _ONCE_MORE, quick=True, fleet=Fleet.FEW, again=True),
     AskEngine(Engine.EVERY_N, _OF_MANY, quick=True, fleet=Fleet.MANY),
     AskAtOnce(
         first=(
@@ -207,14 +209,15 @@ _ALL_ENGINES: Rows = (
         beside=(
             AskEngine(Engine.SEARCH, Task(states=HANDFUL), ended=True),
             AskEngine(Engine.INDUCTION, Task(seconds=0.5, rounds=1)),
-            AskEngine(Engine.SEARCH, Task(states=HANDFUL, evaluations=9_000)),
+            AskEngine(Engine.SEARCH, Task(states=HANDFUL, evaluations=6_000)),
             AskEngine(Engine.BMC, _SHORT_ROUNDS, endless=True),
             AskEngine(Engine.BITS, _SHORT_CIRCUITS, fleet=Fleet.FEW),
             AskEngine(Engine.SEARCH, _SHORT_SEARCH, fleet=Fleet.FEW),
             AskEngine(Engine.BMC, Task(seconds=0.5, rounds=8)),
         ),
         quick=True,
-        patience=_RULE,
+        patience=_RULE_AHEAD,
+        ahead=Fleet.FEW,
     ),
     AskAtOnce(
         first=(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import nullcontext
 from functools import partial
 from itertools import count, takewhile
 from typing import assert_never
@@ -34,7 +35,7 @@ from koord.verify.strategy.each_claim_turn import (
 )
 from koord.verify.strategy.few_robots import looked_at_with_few
 from koord.verify.strategy.liveness import LivenessVerdicts, settled
-from koord.verify.strategy.race import RaceTurn, Runner
+from koord.verify.strategy.race import Ahead, RaceTurn, Runner
 from koord.verify.strategy.resumption import PastVerification, Steps
 from koord.verify.strategy.table import (
     LIVENESS,
@@ -343,7 +344,21 @@ class _Verification(Struct, frozen=True):
 
         What is asked ``ahead`` is in the way of others, once these are needed.
         """
-        turns = enumerate(asking.turns(SAFETY[self.choice]))
+        rows = SAFETY[self.choice]
+        begun = None if ahead is not None else asking.begun_ahead(rows, ledger)
+        with begun.ending(ledger, self.pool) if begun is not None else nullcontext():
+            self._take_each(ledger, stage, asking, search, ahead, asking.turns(rows, begun))
+
+    def _take_each(
+        self,
+        ledger: Ledger,
+        stage: str,
+        asking: _Asking,
+        search: _ReachabilitySearch,
+        ahead: Job[LivenessVerdicts] | None,
+        made: Iterator[AnyTurn],
+    ) -> None:
+        turns = enumerate(made)
         while _wanted(ledger, asking.names) and (following := next(turns, None)) is not None:
             number, turn = following
             if not (isinstance(turn, EngineTurn | RaceTurn) and turn.quick):
@@ -611,14 +626,25 @@ class _Asking(Struct, frozen=True):
     system: System
     again: bool  #: whether such claims were proved for every number of robots before
 
-    def turns(self, rows: Rows) -> Iterator[AnyTurn]:
-        """Make the turns for rows of the strategy."""
+    def begun_ahead(self, rows: Rows, ledger: Ledger) -> Ahead | None:
+        """Begin with those who are asked first in a race, if a row says so.
+
+        Where the same was proved of a program like this one they need no race.
+        """
+        for position, row in enumerate(rows):
+            if isinstance(row, AskAtOnce) and row.ahead is not None and not self.again:
+                runners = self._runners(row.first, count(_RACES * (1 + position)))
+                open_ = [r for r in runners if self.steps.is_open(self.stage, r.number, r.name)]
+                if open_ and row.ahead.has(self.system.robots):
+                    return Ahead.begun(open_, ledger, self.pool)
+        return None
+
+    def turns(self, rows: Rows, begun: Ahead | None = None) -> Iterator[AnyTurn]:
+        """Make the turns for rows of the strategy, where some were begun ahead."""
         for position, row in enumerate(rows):
             match row:
                 case AskEngine():
-                    task = row.again if self.again and row.again is not None else row.task
-                    if row.named:
-                        task = replace(task, named=self.names)
+                    task = replace(row.task, named=self.names) if row.named else row.task
                     if self._is_wanted(row):
                         yield EngineTurn(row.engine, task, self.workers, row.quick)
                 case AskOnSlices():
@@ -646,6 +672,7 @@ class _Asking(Struct, frozen=True):
                         partial(_wanted, names=self.names),
                         row.quick,
                         row.patience,
+                        ahead=begun if row.ahead is not None else None,
                     )
                 case _:
                     assert_never(row)
@@ -657,6 +684,7 @@ class _Asking(Struct, frozen=True):
         return (
             row.suits(self.system)
             and (bool(self.names) or not row.named)
+            and (self.again or not row.again)
             and (has_ended or not row.ended)
         )
 

@@ -14,7 +14,6 @@ from koord.syntax.types import BOOL
 from koord.verify.cache.verifying import CachedVerification
 from koord.verify.claims import Claim, ClaimKind
 from koord.verify.engine_names import Engine
-from koord.verify.engines.engine import Task
 from koord.verify.processes import Job, Pool
 from koord.verify.strategy import verification
 from koord.verify.strategy.resumption import PastVerification
@@ -98,9 +97,9 @@ def test_few_robots_show_nothing_where_a_proof_is_for_these_alone_after_all() ->
     assert [(v.what, v.subject) for v in found.vacuities] == [(Emptiness.EVENT, "Rare")]
 
 
-def test_who_proved_all_is_asked_first_for_longer(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With one row in the table, which has no time but where its engine proved the same before."""
-    row = AskEngine(Engine.EVERY_N, Task(evaluations=0), again=Task())
+def test_who_proved_all_is_asked_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With one row in the table, which is for where its engine proved the same before."""
+    row = AskEngine(Engine.EVERY_N, again=True)
     changed = of(TEXT.replace("m < 1", "m < 2"))
     begun = changed_after(of(TEXT), changed)
     monkeypatch.setattr(verification, "SAFETY", {None: (row,)})

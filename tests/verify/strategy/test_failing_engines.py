@@ -51,7 +51,6 @@ eventually Done: forall i: done@i
 #: Everybody that the default asks, with the name that its failures have.
 ENGINES = {
     "search, to refute": "search",
-    "every N, quickly": "every N",
     "every N": "every N",
     "every N, to infer": "every N",
     "search": "search",
@@ -67,7 +66,7 @@ ENGINES = {
 
 #: Those that settle what the others are to leave alone.
 DECIDING = {
-    "every N, quickly",
+    "every N",
     "induction",
     "bmc",
     "bmc, each claim",
@@ -84,7 +83,7 @@ def who(turn: AnyTurn) -> str:
         return f"{turn.name}, of runs"
     if turn.task.purpose is not Purpose.SETTLE:
         return f"{turn.name}, to {turn.task.purpose.value}"
-    return f"{turn.name}, quickly" if turn.quick else turn.name
+    return turn.name
 
 
 def raising(error: BaseException) -> Callable[[object, Ledger], None]:
@@ -136,7 +135,7 @@ ENDING = {"is killed", "crashes"}
 
 #: Those that fail by default: what becomes of a process hangs little on whose turn it was.
 SAMPLE = {
-    ("every N, quickly", "is killed"),
+    ("every N", "is killed"),
     *((engine, "raises") for engine in ("search, to refute", "bits, of runs", "induction")),
 }
 
@@ -208,7 +207,7 @@ BUDGET_S, SMALL_SHARE = 30.0, 0.06
 
 @pytest.mark.parametrize(
     "engine",
-    [pytest.param(e, marks=[] if e == "every N, quickly" else [pytest.mark.slow]) for e in ENGINES],
+    [pytest.param(e, marks=[] if e == "every N" else [pytest.mark.slow]) for e in ENGINES],
 )
 def test_an_engine_that_hangs_costs_its_share_of_the_time(
     engine: str, monkeypatch: pytest.MonkeyPatch

@@ -5,12 +5,14 @@ What is found counts only if the claims about states are proved for every number
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
 from koord.syntax.system import dealt
 from koord.verify.engine_names import Engine
 from koord.verify.processes import Job, Pool
-from koord.verify.strategy import verification
+from koord.verify.strategy import race, verification
 from koord.verify.strategy.race import RaceTurn
 from koord.verify.strategy.table import FEW_ROBOTS, LIVENESS, SAFETY, Fleet
 from koord.verify.strategy.verification import verify
@@ -94,14 +96,17 @@ def test_others_that_are_needed_find_nobody_in_their_way(
     assert before == [0, 1]
 
 
-def test_of_two_robots_nothing_is_asked_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
-    names: list[str] = []
+def test_of_two_robots_whole_runs_are_not_asked_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Proofs of what claims are about states are, which have nobody in their way."""
+    handed_in: list[object] = []
     submit = Pool.submit
 
     def noted(pool: Pool, name: str, work: object, **others: object) -> Job[object]:
-        names.append(name)
+        handed_in.append(work)
         return submit(pool, name, work, **others)  # type: ignore[arg-type]
 
     monkeypatch.setattr(Pool, "submit", noted)
     verify(dealt(program_of(TEXT), 2), Bounds(4), jobs=2)
-    assert names == []
+    (work,) = handed_in
+    assert isinstance(work, partial)
+    assert work.func is race._asked

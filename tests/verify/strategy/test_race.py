@@ -24,7 +24,7 @@ from koord.verify.ledger import Ledger, Reach, VerificationProblem
 from koord.verify.obstacles import Failure
 from koord.verify.processes import Pool, can_fork
 from koord.verify.strategy import table
-from koord.verify.strategy.race import RaceTurn, Runner
+from koord.verify.strategy.race import _HEAD_START, Ahead, RaceTurn, Runner
 from koord.verify.strategy.resumption import PastVerification, Steps, StrategyStep
 from koord.verify.strategy.table import (
     SAFETY,
@@ -102,7 +102,9 @@ def raced(
     steps: Steps | None = None,
     patience: Patience | None = None,
     meanwhile: Callable[[], None] = lambda: None,
+    before: Callable[[Ledger], None] | None = None,
 ) -> Ledger:
+    """Race for all claims; if something is done ``before``, who counts first is begun ahead."""
     subject = VerificationProblem(system, lambda *given: pytest.fail("nothing to replay"), system)
     ledger = Ledger(subject, Bounds(8), Deadline.after(None), claims_of(system))
     runners = [
@@ -111,6 +113,10 @@ def raced(
     ]
     left = len(first)
     with Pool(jobs) as pool:
+        ahead = None
+        if before is not None:
+            ahead = Ahead.begun(runners[:left], ledger, pool)
+            before(ledger)
         turn = RaceTurn(
             runners[:left],
             runners[left:],
@@ -120,6 +126,7 @@ def raced(
             lambda ledger: bool(ledger.open()),
             patience=patience,
             meanwhile=meanwhile,
+            ahead=ahead,
         )
         with ledger.stopping():
             turn.work(ledger)
@@ -520,6 +527,115 @@ def test_what_holds_as_far_as_was_asked_is_open_for_all_rounds(system: System, j
     )
     assert engines(found) == dict.fromkeys(EVERYTHING, Engine.EVERY_N)
     assert found.open() == []
+
+
+# --- begun ahead ----------------------------------------------------------------------------------
+
+
+def nothing(ledger: Ledger) -> None:
+    """Do nothing before a race."""
+
+
+@pytest.mark.parametrize("jobs", [1, 2, 3])
+def test_what_those_who_were_begun_ahead_have_at_a_glance_needs_no_race(
+    system: System, jobs: int
+) -> None:
+    """Nobody else is begun, or the process would not be the only one."""
+
+    def forbidden(ledger: Ledger) -> None:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    found = raced(
+        system,
+        [working((_HEAD_START, EVERYTHING), engine=Engine.EVERY_N)],
+        [forbidden],
+        jobs,
+        patience=TWICE,
+        before=nothing,
+    )
+    assert set(engines(found).values()) == {Engine.EVERY_N}
+    assert not found.failures
+
+
+@pytest.mark.parametrize("jobs", [1, 2, 3])
+def test_others_know_what_those_who_were_begun_ahead_have_at_a_glance(
+    system: System, jobs: int
+) -> None:
+    """And nothing that these found later, be it before the race was begun."""
+
+    def telling(ledger: Ledger) -> None:
+        known = ", ".join(claim.name for claim in ledger.proved())
+        ledger.leave(ledger.open(), Reach(Engine.BMC, 1, f"known: {known}", 0.0))
+
+    ledger = raced(
+        system,
+        [working((_HEAD_START, ["Alone"]), (1, ["Few"]), (90_000, []), engine=Engine.EVERY_N)],
+        [telling],
+        jobs,
+        patience=TWICE,
+        before=nothing,
+    )
+    (never,) = (claim for claim in ledger.claims if claim.name == "Never")
+    assert ledger.verdict(never).reason == "known: Alone"
+    assert engines(ledger)["Few"] is Engine.EVERY_N
+
+
+@pytest.mark.parametrize("jobs", [1, 2, 3])
+@pytest.mark.parametrize(("steps", "waited"), [(6_000, True), (6_001, False)], ids=str)
+def test_those_who_were_begun_ahead_have_so_much_work_from_there_on(
+    system: System, steps: int, waited: bool, jobs: int
+) -> None:
+    found = raced(
+        system,
+        [working((steps, EVERYTHING), engine=Engine.EVERY_N)],
+        [working((2_500, EVERYTHING), engine=Engine.SEARCH)],
+        jobs,
+        patience=TWICE,
+        before=nothing,
+    )
+    assert set(engines(found).values()) == {Engine.EVERY_N if waited else Engine.SEARCH}
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_was_settled_before_the_race_stays(system: System, jobs: int) -> None:
+    """Those who were begun ahead do not know of it, and ask about all claims."""
+    found = raced(
+        system,
+        [working((1_000, EVERYTHING), engine=Engine.EVERY_N)],
+        [],
+        jobs,
+        before=proving(["Few"], Engine.SEARCH),
+    )
+    assert engines(found) == {**dict.fromkeys(EVERYTHING, Engine.EVERY_N), "Few": Engine.SEARCH}
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_who_was_begun_ahead_and_died_is_followed_by_others(system: System, jobs: int) -> None:
+    def dying(ledger: Ledger) -> None:
+        working((1_000, ["Alone"]), engine=Engine.EVERY_N)(ledger)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    later = working((1_000, ["Few"]), engine=Engine.EVERY_N)
+    everything = proving(EVERYTHING, Engine.SEARCH)
+    found = raced(system, [dying, later], [everything], jobs, before=nothing)
+    assert Counter(engines(found).values()) == {Engine.EVERY_N: 2, Engine.SEARCH: 2}
+    assert [failure.who for failure in found.failures] == ["runner 0"]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_whoever_was_begun_ahead_is_ended_where_there_is_no_race(system: System, jobs: int) -> None:
+    """A search at a glance sees that all claims are violated: what is begun would never end."""
+    ledger = Ledger(
+        VerificationProblem(system, lambda *given: None, system),
+        Bounds(8),
+        Deadline.after(None),
+        claims_of(system),
+    )
+    hangs = Runner(0, "hangs", lambda steps: Turn("hangs", lambda ledger: signal.pause()))
+    with Pool(jobs) as pool:
+        with Ahead.begun([hangs], ledger, pool).ending(ledger, pool):
+            assert len(forked_children()) == jobs - 1
+        assert forked_children() == set()
 
 
 # --- the table ------------------------------------------------------------------------------------

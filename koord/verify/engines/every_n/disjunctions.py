@@ -242,7 +242,7 @@ def _about(literals: Iterable[AnyLiteral]) -> int:
 # --- in Koord -----------------------------------------------------------------------------------
 
 
-def lemma(program: core.Program, language: Language, x: Disjunction) -> Claim:
+def lemma(quoting: Quoting, language: Language, x: Disjunction) -> Claim:
     """The claim that a disjunction holds of any two or three robots, and any index."""
     literals = [language.literals[n] for n in x]
     condition = _implication(literals)
@@ -254,10 +254,10 @@ def lemma(program: core.Program, language: Language, x: Disjunction) -> Claim:
             condition = core.Quantified(
                 QuantifierKind.FORALL, variable, core.RobotRange(), condition
             )
-    text = Quoting.of(program).text(condition)
+    text = quoting.text(condition)
     bound = [x.condition.bound for x in literals if isinstance(x, ConditionLiteral)]
     stated = core.Property(text, PropertyKind.INVARIANT, condition, max([FREE_SLOT, *bound]))
-    ports = reads_ports(program, condition)
+    ports = reads_ports(quoting.program, condition)
     return Claim(text, ClaimKind.PROPERTY, stated, reads_ports=ports)
 
 

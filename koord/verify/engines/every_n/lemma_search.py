@@ -19,8 +19,8 @@ from msgspec.structs import replace
 
 from koord.semantics.every_number import NotFiniteError
 from koord.semantics.storage import Cell, Many, Storage
-from koord.syntax import core
 from koord.syntax.budget import Budget, OutOfBudgetError
+from koord.syntax.printing.quoting import Quoting
 from koord.syntax.system import System
 from koord.syntax.types import INT, Type
 from koord.verify.claims import Claim, ClaimPhase
@@ -89,7 +89,7 @@ class Search(Struct):
     ``active`` are the lemmas assumed now, ``dead`` those given up.
     """
 
-    program: core.Program
+    quoting: Quoting
     language: Language
     reached: Sequence[Sample]
     samples: Samples
@@ -137,7 +137,7 @@ class Search(Struct):
         self.active, self.dead = {}, set()
 
     def lemma(self, x: Disjunction) -> Claim:
-        return lemma(self.program, self.language, x)
+        return lemma(self.quoting, self.language, x)
 
     def keep(self, claims: Sequence[Claim]) -> None:
         """Forget the lemmas that are not among some claims."""
@@ -164,7 +164,7 @@ def searched(
     if not language.literals or not found:
         return None
     samples = Samples.of(language, (sample.snapshot for sample in found), language.rows)
-    return Search(program, language, found, samples, budget)
+    return Search(Quoting.of(program), language, found, samples, budget)
 
 
 class Place(Struct, frozen=True):

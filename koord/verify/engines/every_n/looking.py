@@ -90,8 +90,8 @@ class Looking:
         looked = _Looked(self, here)
         for row in rows:
             held = looked.somebody(row[-1]) if self.there else 0
-            for of in self.simple:
-                held |= looked.simple(of, row)
+            for of, places in self.places.items():
+                held |= looked.simple(of, places, row)
             for of in self.conditions:
                 held |= looked.condition(of, row)
             if self.between:
@@ -120,7 +120,7 @@ class _Looked:
         self._views: dict[tuple[int | None, int], Hashable] = {}
         self._conditions: dict[tuple[int, int | None, int], int] = {}
         self._there: dict[int, int] = {}
-        self._simple: dict[tuple[int, ...], int] = {}
+        self._simple: dict[tuple[int | None, ...], int] = {}
 
     def _view(self, robot: int | None, k: int) -> Hashable:
         key = robot, k
@@ -128,16 +128,23 @@ class _Looked:
             self._views[key] = self.looking.view(self.here, robot, k)
         return self._views[key]
 
-    def simple(self, of: int, row: Row) -> int:
-        """The literals about some robots that are no more than comparisons."""
-        places = self.looking.places[of]
-        robots = [robot for place in places if (robot := row[place]) is not None]
-        if len(robots) < len(places):
-            return 0
-        key = of, row[-1], *robots
-        if key not in self._simple:
-            self._simple[key] = self._compared(of, row, robots)
-        return self._simple[key]
+    def simple(self, of: int, places: Sequence[int], row: Row) -> int:
+        """The literals about robots at some places that are no more than comparisons."""
+        k = row[-1]
+        key: tuple[int | None, ...]
+        match places:
+            case ():
+                key = of, k
+            case (one,):
+                key = of, k, row[one]
+            case _:
+                key = of, k, *(row[place] for place in places)
+        found = self._simple.get(key)
+        if found is None:
+            robots = [robot for robot in key[2:] if robot is not None]
+            found = self._compared(of, row, robots) if len(robots) == len(places) else 0
+            self._simple[key] = found
+        return found
 
     def _compared(self, of: int, row: Row, robots: Sequence[int]) -> int:
         """The same, as comparisons of what is seen of the robots."""
@@ -161,7 +168,7 @@ class _Looked:
         if k not in self._there:
             held = 0
             for robot in self.here.robots:
-                held |= self.simple(OF_I, (robot, None, None, k))
+                held |= self.simple(OF_I, (0,), (robot, None, None, k))
             there = (1 << n for n, witness in self.looking.there if held >> witness & 1)
             self._there[k] = sum(there)
         return self._there[k]

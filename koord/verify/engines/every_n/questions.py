@@ -344,7 +344,8 @@ class Step:
         earlier: int = 0,
         from_init: bool = False,
     ) -> None:
-        program = self._program = system.program
+        program = system.program
+        self._stops_show = stops_show(program)
         world = self.world = ParameterisedSystem.of(system)
         self._opening = ParameterisedInit(world)
         self.start = ArbitraryState(world, self._opening)
@@ -478,7 +479,8 @@ class Step:
         return True
 
     def moments(self) -> list[ClaimPhase]:
-        if stops_show(self._program):
+        """The moments of a round at which claims are asked."""
+        if self._stops_show:
             return [ClaimPhase.INSIDE, ClaimPhase.MIDDLE, ClaimPhase.END]
         return [ClaimPhase.INSIDE, ClaimPhase.END]
 

@@ -9,6 +9,7 @@ import pytest
 from koord.sampling.reached import reached
 from koord.syntax import core
 from koord.syntax.core import Const, Home
+from koord.syntax.printing.quoting import Quoting
 from koord.syntax.system import dealt
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
@@ -307,7 +308,7 @@ def test_disjunctions_hold_in_all_samples_and_not_where_they_are_wanted() -> Non
     for x in disjunctions:
         assert is_false(language, x, wrong)
         assert not any(is_false(language, x, here) for here in seen)
-    said = {lemma(program, language, x).name for x in disjunctions}
+    said = {lemma(Quoting.of(program), language, x).name for x in disjunctions}
     assert "forall i, j: i != j and holds@i implies not holds@j" in said
 
 
@@ -324,11 +325,11 @@ def test_that_there_is_a_robot_is_said_where_somebody_asks() -> None:
             rows = ((robot, None, None, 0) for robot in here.robots)
             truth = any(x.witness.look(here, row) is True for row in rows)
             assert x.look(here, (0, 1, None, 0)) is truth
-    said = {lemma(program, language, (n,)).name for n in there}
+    said = {lemma(Quoting.of(program), language, (n,)).name for n in there}
     assert "exists j: vote[j] == no" in said
     # Beside two robots that are spoken of there is a third.
     apart = next(n for n, x in enumerate(language.literals) if x.of == 2)
-    assert "exists m: " in lemma(program, language, (apart, there[0])).name
+    assert "exists m: " in lemma(Quoting.of(program), language, (apart, there[0])).name
     other = Language.of_program(program_of(protocol_text("lockserv")))
     assert not any(isinstance(x, Existence) for x in other.literals)
 
@@ -336,7 +337,7 @@ def test_that_there_is_a_robot_is_said_where_somebody_asks() -> None:
 def test_what_follows_at_once_is_not_tried_as_well() -> None:
     language = Language.of_program(program_of(protocol_text("two_phase_commit")))
     named = {
-        lemma(program_of(protocol_text("two_phase_commit")), language, (n,)).name: n
+        lemma(Quoting.of(program_of(protocol_text("two_phase_commit"))), language, (n,)).name: n
         for n in range(len(language.literals))
     }
     yes, open_ = named["forall i: vote[i] == yes"], named["forall i: vote[i] != open"]
@@ -396,7 +397,7 @@ def test_what_robots_have_of_each_other_is_told_apart() -> None:
     here = snapshots(program, language, 60)[0]
     here.pairs = {(0, 0): (False,), (0, 1): (True,), (1, 0): (False,), (1, 1): (False,)}
     said = {
-        lemma(program, language, (n,)).name: x.look(here, (0, 1, None, 0))
+        lemma(Quoting.of(program), language, (n,)).name: x.look(here, (0, 1, None, 0))
         for n, x in enumerate(language.literals)
         if isinstance(x, Literal) and x.left.owner
     }
@@ -438,7 +439,7 @@ def test_who_stands_between_two_on_a_ring_is_said_in_koord() -> None:
         assert Between(False).look(here, row) is not forth
     between = next(n for n, x in enumerate(language.literals) if x == Between(False))
     third = next(n for n, x in enumerate(language.literals) if x.of == 4)
-    said = lemma(program, language, canonical(language, (between, third))).name
+    said = lemma(Quoting.of(program), language, canonical(language, (between, third))).name
     assert said.startswith("forall i, j, h: ")
     # Whoever is called i, j or h: it is one lemma.
     same = {
