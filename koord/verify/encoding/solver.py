@@ -247,33 +247,48 @@ def cases(d: Terms, term: Term) -> list[Term]:
     """
     if not isinstance(term, z3.ExprRef):
         return [term] if term else []
-    return [*_split(term)]
+    return [*_split(term, _DEEPEST)]
 
 
-def _split(term: z3.ExprRef) -> Iterator[z3.ExprRef]:
-    if z3.is_or(term):
-        for part in term.children():
-            yield from _split(part)
-    elif z3.is_and(term):
-        yield from _split_one(term)
-    elif z3.is_not(term) and z3.is_and(term.arg(0)):
-        for part in term.arg(0).children():
-            yield from _split(z3.Not(part))
-    elif z3.is_not(term) and z3.is_not(term.arg(0)):
-        yield from _split(term.arg(0).arg(0))
-    elif z3.is_not(term) and z3.is_implies(term.arg(0)):
-        given, then = term.arg(0).children()
-        yield from (z3.And(given, part) for part in _split(z3.Not(then)))
-    elif z3.is_not(term) and z3.is_or(term.arg(0)):
-        yield from _split_one(z3.And(*(z3.Not(part) for part in term.arg(0).children())))
-    else:
-        yield term
+#: So many conjunctions inside of each other are split: what lies deeper, as of choices among the
+#: elements of a long array, stays one case. So many cases would be too many to be asked anyway.
+_DEEPEST = 100
 
 
-def _split_one(conjunction: z3.ExprRef) -> Iterator[z3.ExprRef]:
+def _split(term: z3.ExprRef, depth: int) -> Iterator[z3.ExprRef]:
+    """Split a term, as deep as conjunctions are inside of each other; disjunctions in any depth."""
+    waiting: list[tuple[tuple[z3.ExprRef, ...], z3.ExprRef]] = [((), term)]
+    while waiting:
+        given, part = waiting.pop()
+        inside = part.arg(0) if z3.is_not(part) else None
+        found: Iterable[z3.ExprRef] = (part,)
+        if z3.is_or(part):
+            waiting += [(given, each) for each in reversed(part.children())]
+            continue
+        if inside is not None and z3.is_and(inside):
+            waiting += [(given, z3.Not(each)) for each in reversed(inside.children())]
+            continue
+        if inside is not None and z3.is_not(inside):
+            waiting.append((given, inside.arg(0)))
+            continue
+        if inside is not None and z3.is_implies(inside):
+            premise, then = inside.children()
+            waiting.append(((*given, premise), z3.Not(then)))
+            continue
+        if z3.is_and(part):
+            found = _split_one(part, depth)
+        elif inside is not None and z3.is_or(inside):
+            found = _split_one(z3.And(*(z3.Not(each) for each in inside.children())), depth)
+        yield from (z3.And(*given, case) if given else case for case in found)
+
+
+def _split_one(conjunction: z3.ExprRef, depth: int) -> Iterator[z3.ExprRef]:
     """Split the part of a conjunction with most cases; the other parts stay with each case."""
+    if depth == 0:
+        yield conjunction
+        return
     parts = conjunction.children()
-    splits = [list(_split(part)) for part in parts]
+    splits = [list(_split(part, depth - 1)) for part in parts]
     most = max(range(len(parts)), key=lambda position: len(splits[position]))
     if len(splits[most]) == 1:
         yield conjunction

@@ -358,6 +358,31 @@ def test_cases_of_z3s_own_implications_too() -> None:
     assert len(cases(d, whole)) > 1
 
 
+@pytest.mark.parametrize("depth", [3, 150])
+def test_choices_inside_of_choices_are_cases_as_far_as_these_are_few(depth: int) -> None:
+    """As an element of an array at an index that is not known: of a long one some stay together."""
+    d = Terms()
+    b = [z3.Bool(f"b{k}", d.context) for k in range(depth + 1)]
+    whole = b[depth]
+    for k in range(depth):
+        at = z3.Int("at", d.context) == k
+        whole = z3.Or(z3.And(at, b[k]), z3.And(z3.Not(at), whole))
+    parts = cases(d, whole)
+    assert len(parts) == min(depth, 101) + 1
+    s = z3.Solver(ctx=d.context)
+    s.add(whole != z3.Or(*(d.boolean(part) for part in parts)))
+    assert s.check() == z3.unsat
+
+
+@pytest.mark.parametrize("robots", [3, 3_000])
+def test_cases_of_many_robots_take_no_stack(robots: int) -> None:
+    d = Terms()
+    everyone = z3.Bool("b0", d.context)
+    for k in range(1, robots):
+        everyone = z3.And(everyone, z3.Bool(f"b{k}", d.context))
+    assert len(cases(d, z3.Not(everyone))) == robots
+
+
 def test_cases_of_constants() -> None:
     d = Terms()
     assert cases(d, True) == [True]
