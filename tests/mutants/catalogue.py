@@ -987,8 +987,8 @@ VERIFY = (
     Mutant(
         "cases forget a denial",
         "verify.encoding.solver._split",
-        "_split(z3.Not(part))",
-        "_split(part)",
+        "[(given, z3.Not(each)) for each in reversed(inside.children())]",
+        "[(given, each) for each in reversed(inside.children())]",
         (SOLVING,),
     ),
     Mutant(
