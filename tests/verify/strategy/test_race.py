@@ -103,8 +103,12 @@ def raced(
     patience: Patience | None = None,
     meanwhile: Callable[[], None] = lambda: None,
     before: Callable[[Ledger], None] | None = None,
+    heard: bool = False,
 ) -> Ledger:
-    """Race for all claims; if something is done ``before``, who counts first is begun ahead."""
+    """Race for all claims; if something is done ``before``, who counts first is begun ahead.
+
+    ``heard``: these are done, and all that they told is known, when the race begins.
+    """
     subject = VerificationProblem(system, lambda *given: pytest.fail("nothing to replay"), system)
     ledger = Ledger(subject, Bounds(8), Deadline.after(None), claims_of(system))
     runners = [
@@ -117,6 +121,8 @@ def raced(
         if before is not None:
             ahead = Ahead.begun(runners[:left], ledger, pool)
             before(ledger)
+            if heard:
+                pool.answer(ahead.job)
         turn = RaceTurn(
             runners[:left],
             runners[left:],
@@ -557,9 +563,10 @@ def test_what_those_who_were_begun_ahead_have_at_a_glance_needs_no_race(
     assert not found.failures
 
 
+@pytest.mark.parametrize("heard", [False, True])
 @pytest.mark.parametrize("jobs", [1, 2, 3])
 def test_others_know_what_those_who_were_begun_ahead_have_at_a_glance(
-    system: System, jobs: int
+    system: System, jobs: int, heard: bool
 ) -> None:
     """And nothing that these found later, be it before the race was begun."""
 
@@ -574,16 +581,18 @@ def test_others_know_what_those_who_were_begun_ahead_have_at_a_glance(
         jobs,
         patience=TWICE,
         before=nothing,
+        heard=heard,
     )
     (never,) = (claim for claim in ledger.claims if claim.name == "Never")
     assert ledger.verdict(never).reason == "known: Alone"
     assert engines(ledger)["Few"] is Engine.EVERY_N
 
 
+@pytest.mark.parametrize("heard", [False, True])
 @pytest.mark.parametrize("jobs", [1, 2, 3])
 @pytest.mark.parametrize(("steps", "waited"), [(6_000, True), (6_001, False)], ids=str)
 def test_those_who_were_begun_ahead_have_so_much_work_from_there_on(
-    system: System, steps: int, waited: bool, jobs: int
+    system: System, steps: int, waited: bool, jobs: int, heard: bool
 ) -> None:
     found = raced(
         system,
@@ -592,6 +601,7 @@ def test_those_who_were_begun_ahead_have_so_much_work_from_there_on(
         jobs,
         patience=TWICE,
         before=nothing,
+        heard=heard,
     )
     assert set(engines(found).values()) == {Engine.EVERY_N if waited else Engine.SEARCH}
 
