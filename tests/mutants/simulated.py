@@ -39,6 +39,13 @@ SIMULATED = (
         (DRIVEN,),
     ),
     Mutant(
+        "plans of a robot have one seed",
+        "runtime.motion.planning.LateSeed.__index__",
+        "(self.seeds[self.robot], self.number)",
+        "self.seeds[self.robot]",
+        (PLANNERS,),
+    ),
+    Mutant(
         "certificates move robots that are to stay",
         "runtime.motion.certificates.certified",
         "np.where(fixed[:, None], 0.0, wanted)",

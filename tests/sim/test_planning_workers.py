@@ -23,7 +23,7 @@ from koord.api.sim_setup import simulation
 from koord.runtime.configuration.checking import load
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, Drone, PlannerName
-from koord.runtime.motion.planning import Pose
+from koord.runtime.motion.planning import LateSeed, Pose
 from koord.runtime.motion.workers import Workers
 from koord.runtime.motion.world import Point
 from koord.sim.fleet import Fleet, Placed
@@ -217,7 +217,7 @@ def test_nothing_is_forked_beside_other_threads() -> None:
 
 PROGRAM = """
 import signal, time
-from koord.runtime.motion.planning import Pose
+from koord.runtime.motion.planning import LateSeed, Pose
 from koord.runtime.motion.workers import Workers
 from tests.sim.test_planning_workers import Slow
 
@@ -265,3 +265,25 @@ def _is_there(pid: int) -> bool:
             return file.read().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
+
+
+def test_seeds_are_numbers_where_somebody_wants_them() -> None:
+    """A planner of another kind is told a number; one of trees works it out if it grows one."""
+    seeds = [7, 8]
+    known = int(np.random.SeedSequence((8, 3)).generate_state(1)[0])
+    late = LateSeed(seeds, 1, 3)
+    told: list[object] = []
+
+    class Noting:
+        def plan(self, start: Pose, goal: Point, seed: object, avoid: object = ()) -> None:
+            told.append(seed)
+
+    class Lately(Noting):
+        takes_late_seeds = True
+
+    workers = Workers()
+    for made in (Noting(), Lately()):
+        number = workers.know(made)
+        workers.answer(workers.ask(number, Pose((0.0, 0.0, 0.0)), (1.0, 0.0, 0.0), late))
+    assert told == [known, late]
+    assert isinstance(told[0], int)

@@ -163,10 +163,11 @@ def of_cars(count: int, kinds: str = "car quad", more: str = "", **words: str) -
     lines += ["    shaky: {bot_type: CAR, planner: RRT_CAR, simulation: {noise: {position: 0.01}}}"]
     lines += ["    keen: {bot_type: CAR, planner: RRT_CAR, simulation: {visit: {epsilon: 0.004}}}"]
     lines += ["    wide: {bot_type: CAR, planner: RRT_CAR, simulation: {planning: {takes: 0.05}}}"]
+    lines += ["    calm: {bot_type: QUAD, planner: STRAIGHT, simulation: {visit: {epsilon: 0.1}}}"]
     lines += ["    quad: {bot_type: QUAD, planner: STRAIGHT}", "agents:"]
     for k in range(count):
         kind = named[k % len(named)]
-        place = [4 * (k // side), 2.5 * (k % side), 1 if kind == "quad" else 0]
+        place = [4 * (k // side), 2.5 * (k % side), int(kind in ("quad", "calm"))]
         lines.append(f"    - {{pid: {k}, on_device: {kind}, position: {place}}}")
     lines.append("world: {bounds: {low: [-4, -4, 0], high: [90, 90, 3]}}")
     source = Source("there.krd", text)
@@ -186,6 +187,11 @@ def of_cars(count: int, kinds: str = "car quad", more: str = "", **words: str) -
 def test_cars_among_drones_stride_too(count: int, leg: str, least: int) -> None:
     _, strides = both(of_cars(count, LEG=leg), 16.0 if count < 50 else 6.0)
     assert strides >= least
+
+
+def test_drones_of_several_kinds_stride_with_cars() -> None:
+    _, strides = both(of_cars(7, "quad car calm", LEG="(1.5 + 0.1 * pid)"), 12.0)
+    assert strides >= 20
 
 
 def test_cars_without_drones_stride_too() -> None:

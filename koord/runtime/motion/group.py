@@ -8,6 +8,7 @@ steps the automata. What the robots' actuators are to do then is the business of
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from operator import index
 
 import numpy as np
 from msgspec import Struct
@@ -21,6 +22,7 @@ from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.planning import (
     CLOSE,
     Hindrance,
+    LateSeed,
     Planner,
     Plight,
     Pose,
@@ -240,7 +242,7 @@ class Group:
         straight = as_path([start, target])
         if suits(self.body, self.world, target) and self._field.path_free(straight, self._reach_m):
             return straight
-        return self.planner.plan(Pose(start, 0.0), target, self._next_seed(robot))
+        return self.planner.plan(Pose(start, 0.0), target, index(self._next_seed(robot)))
 
     def fail(self, robot: int, target: Point) -> None:
         """Note that a robot has no way to a target."""
@@ -248,11 +250,10 @@ class Group:
         why = hindrance(self.body, self.world, target) or Hindrance.NO_WAY
         self.plights[robot] = Plight(why, target)
 
-    def _next_seed(self, robot: int) -> int:
+    def _next_seed(self, robot: int) -> LateSeed:
         """The seed of a robot's next plan."""
         self._plans[robot] += 1
-        source = np.random.SeedSequence((self._seeds[robot], int(self._plans[robot])))
-        return int(source.generate_state(1)[0])
+        return LateSeed(self._seeds, robot, int(self._plans[robot]))
 
     def _give_up(self, robot: int) -> None:
         """Follow no plan that was asked for."""

@@ -80,6 +80,21 @@ class Touched(NamedTuple):
     others: object = None
 
 
+class LateSeed(Struct, frozen=True):
+    """The seed of a plan, worked out when a number is wanted: most plans hang on none.
+
+    It is that of a robot's plan of a number, and ``seeds`` are those of robots.
+    """
+
+    seeds: Sequence[int]
+    robot: int
+    number: int
+
+    def __index__(self) -> int:
+        source = np.random.SeedSequence((self.seeds[self.robot], self.number))
+        return int(source.generate_state(1)[0])
+
+
 class Planner(Protocol):
     """A path planner for one body in one world."""
 

@@ -11,8 +11,9 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from itertools import pairwise
+from operator import index
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, SupportsIndex
 
 import numpy as np
 from msgspec import Struct
@@ -85,8 +86,11 @@ class TreePlanner(Struct, frozen=True):
     effort: PlanningEffort
     optimal: bool
 
+    #: Seeds may be numbers, or become such.
+    takes_late_seeds: ClassVar[bool] = True
+
     def plan(
-        self, start: Pose, goal: Point, seed: int, avoid: Sequence[Point] = ()
+        self, start: Pose, goal: Point, seed: SupportsIndex, avoid: Sequence[Point] = ()
     ) -> Floats | None:
         """Plan a path from exactly the start to exactly the goal; None if none was found."""
         room = self.ground.room
@@ -107,14 +111,14 @@ class TreePlanner(Struct, frozen=True):
         return points
 
     def _way(
-        self, free: Field, start: Pose, goal: Point, keeps_m: float, seed: int
+        self, free: Field, start: Pose, goal: Point, keeps_m: float, seed: SupportsIndex
     ) -> Floats | None:
         """Find the points of a path whose positions keep so far from walls and obstacles."""
         direct = self._direct(free, start, goal, keeps_m)
         if direct is not None:
             return direct
         with _chance:
-            _ompl().util.RNG.setSeed(seed % 2**31 + 1)
+            _ompl().util.RNG.setSeed(index(seed) % 2**31 + 1)
             return self._grown(free, start, goal, keeps_m)
 
     def _direct(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:

@@ -17,6 +17,8 @@ from collections import deque
 from multiprocessing import get_all_start_methods, get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess, current_process
+from operator import index
+from typing import Any, SupportsIndex
 
 from msgspec import Struct, field
 
@@ -37,10 +39,15 @@ class Job(Struct, eq=False):
     planner: int
     start: Pose
     goal: Point
-    seed: int
+    seed: SupportsIndex
     is_done: bool = False
     path: Floats | None = None
     error: Exception | None = None
+
+
+def _seed(planner: Planner, job: Job) -> Any:
+    """The seed of a plan: a number, unless the planner makes one of it where it needs one."""
+    return job.seed if getattr(planner, "takes_late_seeds", False) else index(job.seed)
 
 
 class _Worker(Struct, eq=False):
@@ -74,7 +81,7 @@ class Workers:
         self._planners.append(planner)
         return len(self._planners) - 1
 
-    def ask(self, planner: int, start: Pose, goal: Point, seed: int) -> Job:
+    def ask(self, planner: int, start: Pose, goal: Point, seed: SupportsIndex) -> Job:
         """Ask for a plan by the planner of a number."""
         if not self._is_begun:
             self._is_begun = True
@@ -140,7 +147,8 @@ class Workers:
 
     def _make(self, job: Job) -> None:
         try:
-            job.path = self._planners[job.planner].plan(job.start, job.goal, job.seed)
+            planner = self._planners[job.planner]
+            job.path = planner.plan(job.start, job.goal, _seed(planner, job))
         except Exception as error:  # of a plan that may not be due yet
             job.error = error
         job.is_done = True
@@ -150,7 +158,7 @@ class Workers:
             while self._waiting and len(worker.jobs) < _AHEAD:
                 job = self._waiting[0]
                 try:
-                    worker.wire.send((job.planner, job.start, job.goal, job.seed))
+                    worker.wire.send((job.planner, job.start, job.goal, index(job.seed)))
                 except OSError:
                     self._lose(worker)
                     break
