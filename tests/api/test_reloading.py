@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+import koord
 from koord.api.edits import FileEdits, ListedEdits
 from koord.api.fitting import FitRequest, fit, fit_request
 from koord.api.progress import Progress
@@ -268,6 +270,18 @@ def test_files_are_looked_at_and_compiled_when_they_are_saved(tmp_path: Path) ->
     broken = edits.take(0)
     assert broken is not None
     assert [one.code for one in broken.diagnostics] == ["K902"]
+
+
+def test_files_are_watched_as_long_as_the_run_goes_on(tmp_path: Path) -> None:
+    """With ``reload`` of the public API; nobody saves anything."""
+    path = tmp_path / "counting.krd"
+    path.write_text(COUNTING, "utf-8")
+    with pytest.raises(koord.ArgumentError, match="only runs that are looked at take edits"):
+        koord.simulate(path, reload=True, rounds=3)
+    before = threading.active_count()
+    run = koord.simulate(path, live=True, reload=True, rounds=3, pace=10_000, robots=2)
+    assert (run.ending, run.recording.reloads) == (Ending.LIMIT, [])
+    assert threading.active_count() == before
 
 
 def test_the_last_of_several_edits_counts() -> None:

@@ -203,7 +203,8 @@ class Panels {
       this.shown = program;
       this.lines = program.text.split("\n");
       // Words about a broken claim end in its place: file:line:column.
-      const broken = new Set(this.run.violations.map((one) => Number(/:(\d+):\d+$/.exec(one.words)?.[1])));
+      const ofProgram = this.run.violations.filter((one) => this.run.programAt(one.time) === program);
+      const broken = new Set(ofProgram.map((one) => Number(/:(\d+):\d+$/.exec(one.words)?.[1])));
       this.code = made("pre", { class: "code" }, ...this.lines.map((line, k) =>
         made("span", { class: broken.has(k + 1) ? "broken" : /^\s*#/.test(line) ? "comment" : null }, line)));
       this.pane.replaceChildren(this.code);
