@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import msgspec
 from msgspec import Struct
 
 import koord
 from koord.api.robots import Robots
+
+#: What hears of progress: a line of text, and the verdicts so far as JSON, where there are any.
+Teller: TypeAlias = Callable[[str, str], None]
 
 #: What a program is called in messages.
 NAME = "program.krd"
@@ -78,15 +81,15 @@ class Answer(Struct, frozen=True):
     page: str = ""
 
 
-def answer(request: str, tell: Callable[[str], None]) -> str:
+def answer(request: str, tell: Teller) -> str:
     """Do what a request asks; ``tell`` hears of progress. The answer is JSON of :class:`Answer`."""
     asked = msgspec.json.decode(request, type=Request)
     return msgspec.json.encode(answered(asked, tell)).decode()
 
 
-def answered(asked: Request, tell: Callable[[str], None]) -> Answer:
+def answered(asked: Request, tell: Teller) -> Answer:
     """Do what is asked. What is wrong with a program, or with what is asked of it, is an answer."""
-    tell("reading the program")
+    tell("reading the program", "")
     report = koord.check(koord.Source(NAME, asked.text))
     problems = [_problem(one) for one in report.diagnostics]
     if report.program is None or asked.do == "check":
@@ -114,8 +117,8 @@ def answered(asked: Request, tell: Callable[[str], None]) -> Answer:
 
 def load_engines() -> None:
     """Load all that a verification is made of, before somebody asks for one."""
-    answered(Request("verify", _SMALL, "2"), lambda text: None)
-    answered(Request("run", _SMALL, "2", rounds=1), lambda text: None)
+    answered(Request("verify", _SMALL, "2"), lambda text, marks: None)
+    answered(Request("run", _SMALL, "2", rounds=1), lambda text, marks: None)
 
 
 #: A program that is verified in no time, by more than one engine.
@@ -146,28 +149,34 @@ def robots_of(text: str) -> Robots:
     return {name: int(number) for name, number in kinds}
 
 
+def _marks(report: koord.VerifyReport, document: koord.Document) -> list[Mark]:
+    """The verdicts of a report, each at its line."""
+    from koord.api.verdict_marks import verdict_marks
+
+    return [
+        Mark(mark.name, mark.kind.value, mark.span.line, mark.title, mark.story)
+        for mark in verdict_marks(report, document)
+    ]
+
+
 def _verified(
     program: koord.Program,
     asked: Request,
     robots: Robots,
     problems: list[Problem],
-    tell: Callable[[str], None],
+    tell: Teller,
 ) -> Answer:
-    from koord.api.verdict_marks import verdict_marks
+    document, known = koord.document(program.source), ""
 
-    report = koord.verify(
-        program,
-        robots=robots,
-        rounds=asked.rounds,
-        jobs=1,
-        progress=lambda heard: tell(heard.message),
-    )
-    tell("drawing what was found")
-    marks = [
-        Mark(mark.name, mark.kind.value, mark.span.line, mark.title, mark.story)
-        for mark in verdict_marks(report, koord.document(program.source))
-    ]
-    outcome = report.outcome.value
+    def hear(heard: koord.Progress) -> None:
+        nonlocal known
+        if isinstance(heard, koord.VerdictProgress):
+            known = msgspec.json.encode(_marks(heard.report, document)).decode()
+        tell(heard.message, known)
+
+    report = koord.verify(program, robots=robots, rounds=asked.rounds, jobs=1, progress=hear)
+    tell("drawing what was found", known)
+    marks, outcome = _marks(report, document), report.outcome.value
     broken = [mark.name for mark in marks if mark.kind in ("violated", "unknown")]
     summary = f"{outcome}: {', '.join(broken)}" if broken else f"{outcome}, every claim"
     return Answer(outcome, summary, problems, marks, koord.html(report))
@@ -178,7 +187,7 @@ def _ran(
     asked: Request,
     robots: Robots,
     problems: list[Problem],
-    tell: Callable[[str], None],
+    tell: Teller,
 ) -> Answer:
     report = koord.run(
         program,
@@ -186,9 +195,9 @@ def _ran(
         rounds=asked.rounds,
         policy=asked.policy,
         seed=asked.seed,
-        progress=lambda heard: tell(heard.message),
+        progress=lambda heard: tell(heard.message, ""),
     )
-    tell("drawing the run")
+    tell("drawing the run", "")
     story = koord.story(report)
     outcome = "violated" if report.ending.broken else "done"
     return Answer(outcome, story.headline, problems, [], story.to_html())

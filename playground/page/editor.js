@@ -2,6 +2,9 @@
 
 const INDENT = "    ";
 
+/** What is seen of verdicts, by the kinds that they are of. */
+const MARKS = { holds: "✓", bounded: "✓", violated: "✗", unknown: "?", vacuous: "∅" };
+
 const escaped = (text) => text.replace(/[&<>]/g, (sign) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;" })[sign]);
 
 /** What words and signs are, from the list of words that the compiler has. */
@@ -107,11 +110,10 @@ class Editor {
   }
 
   number(number, problems, mark) {
-    const signs = { holds: "✓", bounded: "✓", violated: "✗", unknown: "?", vacuous: "∅" };
     const severity = problems ? (problems.some((one) => one.severity === "error") ? "error" : "warning") : "";
     const kind = severity || mark?.kind || "";
     const title = [...(problems ?? []).map((one) => one.message), ...(mark?.titles ?? [])].join("\n\n");
-    const sign = severity ? "●" : signs[kind] ?? "";
+    const sign = severity ? "●" : MARKS[kind] ?? "";
     return made("div", { title: title || null }, made("b", { class: kind }, sign), String(number));
   }
 

@@ -154,7 +154,7 @@ class Playground {
     const isQuiet = this.koord.busy?.isQuiet;
     if (data.kind === "loading" && !this.next) this.say(data.text, "busy");
     else if (data.kind === "loading") this.say(`${this.next.do} follows; ${data.text}`, "busy");
-    else if (data.kind === "progress" && !isQuiet) this.say(`${this.koord.busy.do}: ${data.text}`, "busy");
+    else if (data.kind === "progress" && !isQuiet) this.progress(data);
     else if (data.kind === "ready") this.say("ready", "ready");
     else if (data.kind === "failed") this.say(`koord failed, which is its own mistake: ${data.text}`, "failed");
     else if (data.kind === "answer") this.answer(data.asked, data.answer);
@@ -172,6 +172,20 @@ class Playground {
   }
 
   // --- answers ----------------------------------------------------------------------------------
+
+  /** What is being done, and the verdicts so far: they stay, whatever is found of other claims. */
+  progress({ text, marks }) {
+    const { busy } = this.koord;
+    this.say(`${busy.do}: ${text}`, "busy");
+    if (busy.text === this.editor.text && marks.length !== this.editor.marks.length) this.editor.show(this.editor.problems, marks);
+    if (!marks.length) return;
+    if (!byId("result").hidden) this.frame("");
+    byId("welcome").hidden = true;
+    byId("about").className = "about";
+    byId("about").replaceChildren(...marks.map(({ name, kind }) => made("span", { class: `known ${kind}` }, `${MARKS[kind]} ${name}`)), made("small", {}, "so far"));
+    this.shown = busy.text;
+    this.mark();
+  }
 
   answer(asked, answer) {
     if (asked.text === this.editor.text) this.editor.show(answer.problems, asked.isQuiet ? this.editor.marks : answer.marks);

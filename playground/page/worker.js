@@ -49,11 +49,12 @@ async function load() {
   return answering;
 }
 
-let told = 0;
-function tell(text) {
-  if (performance.now() - told < OFTEN_MS) return;
+let told = 0, known = "";
+function tell(text, marks) {
+  if (performance.now() - told < OFTEN_MS && marks === known) return;
   told = performance.now();
-  say("progress", { text });
+  known = marks;
+  say("progress", { text, marks: marks ? JSON.parse(marks) : [] });
 }
 
 const loaded = load();

@@ -21,9 +21,8 @@ WHOLE = (EXAMPLES / "leader_elect.krd").read_text("utf-8")
 def asked(do: str, text: str, **more: object) -> dict[str, Any]:
     """What the page hears, as it hears it."""
     told: list[str] = []
-    found: dict[str, Any] = json.loads(
-        answer(json.dumps({"do": do, "text": text, **more}), told.append)
-    )
+    request = json.dumps({"do": do, "text": text, **more})
+    found: dict[str, Any] = json.loads(answer(request, lambda line, marks: told.append(line)))
     assert told[0] == "reading the program"
     return found
 
@@ -140,7 +139,7 @@ load_engines()
 for name in ("leader_elect", "broken/leader_elect_early", "broken/leader_elect_restless"):
     text = (Path({str(EXAMPLES)!r}) / f"{{name}}.krd").read_text("utf-8")
     for do in ("check", "verify", "run"):
-        print(name, do, answered(Request(do, text, "3"), lambda text: None).outcome)
+        print(name, do, answered(Request(do, text, "3"), lambda *told: None).outcome)
 """
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=False
@@ -152,11 +151,18 @@ for name in ("leader_elect", "broken/leader_elect_early", "broken/leader_elect_r
     assert outcomes[6:] == ["done", "violated", "done"]
 
 
-def test_progress_is_told() -> None:
-    told: list[str] = []
-    answered(Request("verify", EARLY, "2"), told.append)
-    assert any("Agree" in text for text in told)
-    assert told[-1] == "drawing what was found"
+def test_progress_is_told_and_verdicts_as_they_are_found() -> None:
+    told: list[tuple[str, str]] = []
+    answered(Request("verify", EARLY, "2"), lambda line, marks: told.append((line, marks)))
+    assert told[0] == ("reading the program", "")
+    assert told[-1][0] == "drawing what was found"
+    known = [json.loads(marks) for _, marks in told if marks]
+    assert {mark["name"]: mark["kind"] for mark in known[-1]} == {
+        "no fault": "holds",
+        "Agree": "violated",
+    }
+    (agree,) = (mark for mark in known[-1] if mark["name"] == "Agree")
+    assert EARLY.splitlines()[agree["line"] - 1].startswith("invariant Agree")
 
 
 def test_requests_are_those_that_the_page_makes() -> None:
