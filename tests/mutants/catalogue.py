@@ -523,6 +523,13 @@ VERIFY = (
         (RACES,),
     ),
     Mutant(
+        "what was done at a glance is counted",
+        "verify.strategy.race._at_a_glance",
+        "turns == 2",
+        "turns == 3",
+        (RACES,),
+    ),
+    Mutant(
         "what those who were begun ahead found late counts before others are asked",
         "verify.strategy.race.RaceTurn._after_head_start",
         "job.found is not None and _worked(job) <= _HEAD_START",
@@ -532,7 +539,7 @@ VERIFY = (
     Mutant(
         "who says more is waited for to the end",
         "verify.strategy.race.RaceTurn.work",
-        "first and self.patience is not None and can_fork()",
+        "first and patience is not None and can_fork()",
         "False",
         (RACES,),
     ),

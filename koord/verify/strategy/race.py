@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from functools import partial
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.syntax.budget import OutOfBudgetError
 from koord.verify.claims import Claim
@@ -110,10 +111,13 @@ class RaceTurn(Struct, frozen=True):
 
     def work(self, ledger: Ledger) -> None:
         jobs: dict[tuple[Runner, ...], Job[Extract]] = {}
-        first = tuple(filter(self._is_open, self.first))
+        first, patience = tuple(filter(self._is_open, self.first)), self.patience
         try:
             if self.ahead is not None:
                 first = self._after_head_start(ledger, self.ahead, jobs)
+                if patience is not None:
+                    glance = _at_a_glance(self.ahead.job)
+                    patience = replace(patience, steps=patience.steps + glance)
                 if not self.wanted(ledger):
                     return
             known = ledger.of(ledger.open(), ledger.report)
@@ -127,9 +131,9 @@ class RaceTurn(Struct, frozen=True):
                     own = given.get(runners, known)
                     jobs[runners] = _started(self.pool, own, runners, PastVerification())
             most = None
-            if first and self.patience is not None and can_fork():
+            if first and patience is not None and can_fork():
                 with ledger.waiting():
-                    most = self._most(known, [jobs[runners] for runners in groups], self.patience)
+                    most = self._most(known, [jobs[runners] for runners in groups], patience)
             for runners in groups:
                 self._begin(runners)
                 if most is not None and runners is first:
@@ -344,6 +348,7 @@ def _asked(
         try:
             for runner in runners:
                 if own.open():
+                    meter.say()
                     _take_turn(runner, own, steps)
         except KeyboardInterrupt:
             own.stopped, own.interrupted = "interrupted", True
@@ -401,6 +406,25 @@ def _working(own: Ledger, tell: JobChannel) -> Iterator[_Meter]:
 def _worked(job: Job[Extract]) -> int:
     """The work that a process told of."""
     return next((x.steps for x in reversed(job.noted) if isinstance(x, Worked)), 0)
+
+
+def _at_a_glance(job: Job[Extract]) -> int:
+    """The work of the first who had a turn, if that was over within the head start; else none.
+
+    As others are asked behind it, they need not wait for it.
+    """
+    worked, turns = 0, 0
+    for noted in job.noted:
+        match noted:
+            case Worked(steps=worked) if worked > _HEAD_START:
+                return 0
+            case StrategyStep():
+                turns += 1
+                if turns == 2:
+                    return worked
+            case _:
+                pass
+    return 0
 
 
 def _with_notes(

@@ -111,7 +111,7 @@ class AskAtOnce(Struct, frozen=True):
 
     The answers of ``first`` count first, then those of ``beside``. Who is asked ``first`` says
     more: these are asked in turn, in one process, and waited for with ``patience`` once others have
-    answers (None: to the end).
+    answers (None: to the end); what the first of them did at a glance ahead is not counted.
     """
 
     first: Rows
@@ -147,9 +147,6 @@ _LEMMAS_SOON = Task(Purpose.INFER, seconds=0.05, evaluations=10_000, candidates=
 #: All of that is waited for only as long as it may be seen in the end: `auto` is to take at most so
 #: many times what an engine alone takes, and some tenths of a second.
 _RULE = Patience(times=1.3, steps=5_500)
-
-#: The same for those who were begun before others: with what these had at a glance.
-_RULE_AHEAD = Patience(times=1.3, steps=7_600)
 
 #: What takes some seconds: lemmas of some ten questions.
 _OF_SOME_SECONDS = 200_000
@@ -216,7 +213,7 @@ _ALL_ENGINES: Rows = (
             AskEngine(Engine.BMC, Task(seconds=0.5, rounds=8)),
         ),
         quick=True,
-        patience=_RULE_AHEAD,
+        patience=_RULE,
         ahead=Fleet.FEW,
     ),
     AskAtOnce(

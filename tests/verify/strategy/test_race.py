@@ -606,6 +606,28 @@ def test_those_who_were_begun_ahead_have_so_much_work_from_there_on(
     assert set(engines(found).values()) == {Engine.EVERY_N if waited else Engine.SEARCH}
 
 
+@pytest.mark.parametrize("jobs", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("glance", "waited"), [(_HEAD_START, True), (_HEAD_START + 1, False)], ids=str
+)
+def test_what_was_done_at_a_glance_is_not_counted(
+    system: System, glance: int, waited: bool, jobs: int
+) -> None:
+    """With it, it is more than 6,000 steps; what takes longer than a glance counts."""
+    found = raced(
+        system,
+        [
+            working((glance, ["Few"]), engine=Engine.EVERY_N),
+            working((6_000, EVERYTHING), engine=Engine.EVERY_N),
+        ],
+        [working((2_500, EVERYTHING), engine=Engine.SEARCH)],
+        jobs,
+        patience=TWICE,
+        before=nothing,
+    )
+    assert engines(found)["Alone"] is (Engine.EVERY_N if waited else Engine.SEARCH)
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_what_was_settled_before_the_race_stays(system: System, jobs: int) -> None:
     """Those who were begun ahead do not know of it, and ask about all claims."""
