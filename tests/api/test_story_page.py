@@ -180,6 +180,11 @@ def test_verdicts_lead_to_their_runs_and_back(opened: Tab) -> None:
     opened.ask("document.querySelector('.look').click()")
     opened.until("page.view !== null")
     assert "Agree does not hold, in round 3" in text_of(opened, ".banner")
+    # To the content of what is shown, not back to the verdicts.
+    jump = "addEventListener('hashchange', () => setTimeout(done)); document.querySelector('.jump')"
+    opened.ask(f"new Promise((done) => {{ {jump}.click(); }})")
+    assert "Agree does not hold, in round 3" in text_of(opened, ".banner")
+    assert opened.ask("page.view !== null") is True
     opened.press("Escape")
     opened.until("page.view === null")
     assert text_of(opened, ".claims")

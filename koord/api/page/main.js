@@ -198,7 +198,8 @@ class Page {
       location.hash = link.getAttribute("href");
     });
     byId("slider").addEventListener("input", (event) => { this.play(false); this.go(Number(event.target.value)); });
-    window.addEventListener("hashchange", () => this.fromAddress());
+    // `#content` is a jump within what is shown.
+    window.addEventListener("hashchange", () => { if (location.hash !== "#content") this.fromAddress(); });
     document.addEventListener("keydown", (event) => this.pressed(event));
   }
 
