@@ -93,6 +93,27 @@ def fallback(fitted: Fitted) -> Callable[[Host], Host] | None:
     return fallback_host.fallback(system, fitted.scene.seed, starts=starts, served=names)
 
 
+class _Hearing:
+    """The host of a program: the world's, with summaries checked, and heard by a recording."""
+
+    def __init__(self, check_summaries: bool, tracing: Callable[[Host, Host], Host] | None) -> None:
+        self._checks, self._tracing = check_summaries, tracing
+        self._checked: list[Checked] = []
+
+    def __call__(self, world: Host) -> Host:
+        host = world
+        if self._checks:
+            self._checked.append(Checked(world))
+            host = self._checked[0]
+        return host if self._tracing is None else self._tracing(host, world)
+
+    def holding(self, claims: Watched, run: Simulation) -> list[Checked]:
+        """The checks of summaries, held against claims from now on."""
+        for one in self._checked:
+            one.hold(claims, run)
+        return self._checked
+
+
 @uncollected()
 def simulation(
     fitted: Fitted,
@@ -111,15 +132,7 @@ def simulation(
     :func:`build` makes, if it is known already. Without ``kernels`` compiled robots make all turns,
     and no machine code does. Raises KoordError.
     """
-    checked: list[Checked] = []
-
-    def heard(world: Host) -> Host:
-        host = world
-        if check_summaries:
-            checked.append(Checked(world))
-            host = checked[0]
-        return host if tracing is None else tracing(host, world)
-
+    heard = _Hearing(check_summaries, tracing)
     built = build(fitted) if built is None else built
     supplied, claims = fallback(fitted), built.claims
     cast = built.cast if kernels else replace(built.cast, turns=None)
@@ -127,9 +140,7 @@ def simulation(
     made.claims.append(Watching(claims, made))
     if cast.turns is not None and is_installed():
         made.striding = _striding
-    for one in checked:
-        one.hold(claims, made)
-        made.claims.append(one)
+    made.claims.extend(heard.holding(claims, made))
     return made
 
 
@@ -146,19 +157,10 @@ def next_program(
 
     Raises KoordError.
     """
-    checked: list[Checked] = []
-
-    def heard(world: Host) -> Host:
-        host = world
-        if check_summaries:
-            checked.append(Checked(world))
-            host = checked[0]
-        return host if tracing is None else tracing(host, world)
+    heard = _Hearing(check_summaries, tracing)
 
     def claims(run: Simulation) -> list[Claims]:
-        for one in checked:
-            one.hold(built.claims, run)
-        return [Watching(built.claims, run), *checked]
+        return [Watching(built.claims, run), *heard.holding(built.claims, run)]
 
     cast = built.cast if kernels else replace(built.cast, turns=None)
     return NextProgram(cast, heard, fallback(fitted), claims, words)
