@@ -106,6 +106,7 @@ def test_what_becomes_of_a_document(tmp_path: Path, name: str) -> None:
     assert (found.finding.outcome, found.finding.codes) == (outcome, codes)
 
 
+@pytest.mark.slow
 def test_a_program_that_moves_is_simulated_with_the_configurations_of_its_folder(
     tmp_path: Path,
 ) -> None:

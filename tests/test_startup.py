@@ -167,8 +167,10 @@ def test_a_simulated_run_loads_only_what_it_uses() -> None:
     program = EXAMPLES / "lineform.krd"
     arguments = ["sim", str(program), "--rounds", "1", "--no-html"]
     loaded = modules_after(f"from koord.cli.main import main; assert main({arguments}) == 0")
-    assert {"koord.sim.running", "ompl"} <= loaded
+    assert "koord.sim.running" in loaded
     unused = (
+        "ompl",  # nothing is in the way
+        "shapely",
         "osqp",
         "scipy",
         "z3",

@@ -200,6 +200,7 @@ def test_generated_programs_as_without_symmetry(seeds: range) -> None:
     assert count["fewer"], count
 
 
+@pytest.mark.slow
 def test_tasks_are_claimed_by_any_robot_alike() -> None:
     """As many states as there are under all renamings, counted by hand."""
     of = dealt(program_of(CLAIMING), 3)

@@ -79,6 +79,7 @@ def packable(seeds: range, most: int) -> Iterator[tuple[int, System]]:
     return islice(((seed, of) for seed, of in systems if is_packable(of)), most)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", first(1, [0, 5_000]))
 def test_as_the_road_of_python(first: int) -> None:
     seeds = range(first, first + 5_000)
@@ -207,7 +208,7 @@ PROGRAMS = {
 }
 
 
-@pytest.mark.parametrize("name", PROGRAMS)
+@pytest.mark.parametrize("name", first(2, PROGRAMS))
 def test_programs_as_the_road_of_python(name: str) -> None:
     text, robots = PROGRAMS[name]
     assert compare(read(text, robots), name, states=5_000) in ("violated", "holds")

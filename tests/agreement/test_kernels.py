@@ -303,7 +303,7 @@ def read(text: str, robots: int) -> System:
 @pytest.mark.parametrize(
     ("text", "robots"),
     first(
-        10,
+        4,
         [
             (CLAIMING, 2),
             (LOST, 3),

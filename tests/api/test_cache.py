@@ -48,6 +48,7 @@ def test_a_cache_knows_what_was_verified_before() -> None:
     assert "kept" not in str(first.to_dict())
 
 
+@pytest.mark.slow
 def test_other_questions_have_other_answers() -> None:
     cache = koord.Cache()
     koord.verify(source(), robots=2, rounds=3, cache=cache)

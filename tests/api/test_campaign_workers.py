@@ -306,6 +306,7 @@ def test_forked_processes_have_what_was_prepared_once(monkeypatch: pytest.Monkey
     assert all(one[3] for one in found)
 
 
+@pytest.mark.slow
 def test_fresh_processes_prepare_for_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
     found = asked(monkeypatch, forked=False)
     assert [one[0] for one in found] == [*range(6)]

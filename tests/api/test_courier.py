@@ -158,6 +158,7 @@ def test_other_code_gives_no_answers(cluster: Cluster) -> None:
     assert [d.code for d in no.value.diagnostics] == ["K947"]
 
 
+@pytest.mark.slow
 def test_a_parcel_that_came_damaged_or_to_others_is_not_opened() -> None:
     parcel = Parcel.of(Squared(2), "code")
     assert parcel.checked("code") == parcel.content

@@ -89,7 +89,7 @@ def is_near(rates: list[float], probability: float) -> bool:
 @pytest.mark.parametrize(
     ("walks", "particles"),
     first(
-        4,
+        1,
         [
             (Walks(1, 3), 2),  # often both die out
             (Walks(1, 5, lambda place: place // 2), 6),  # many are level
@@ -106,6 +106,7 @@ def test_the_mean_of_rates_is_the_probability(walks: Walks, particles: int) -> N
     assert len({*rates}) > 1
 
 
+@pytest.mark.slow
 def test_intervals_cover_a_known_probability() -> None:
     walks, covered = Walks(1, 8), 0
     for seed in range(40):

@@ -338,6 +338,7 @@ def test_what_ctrl_c_leaves_are_whole_rows(jobs: str, tmp_path: Path) -> None:
     assert all(None not in row.values() for row in lines(table))
 
 
+@pytest.mark.slow
 def test_splitting_tells_a_rate_with_its_interval(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -84,7 +84,7 @@ def test_others_are_refused_with_those_that_there_are(capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("words", "code", "outcomes"),
     first(
-        5,
+        1,
         [
             (["violated.krd", "--max-violations", "3"], Exit.VIOLATED, ["violated"]),
             (["vacuous.krd"], Exit.VACUOUS, ["holds"]),
@@ -169,6 +169,7 @@ def test_verdicts_on_deployed_runs_are_as_described(capsys: pytest.CaptureFixtur
     Draft202012Validator(schema).validate(found)
 
 
+@pytest.mark.slow
 def test_certificates_and_verdicts_on_them_are_as_described(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -287,6 +287,7 @@ def test_worst_paths_are_told_by_event(capsys: pytest.CaptureFixture[str], tmp_p
         assert "--wcet takes one program and one number of robots" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_sweep_is_a_row_for_each_number_of_robots(
     capsys: pytest.CaptureFixture[str], race: str
 ) -> None:
@@ -354,6 +355,7 @@ eventually Never: forall i: x@i == 7
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "told", "ways"),
     first(
@@ -425,6 +427,7 @@ def test_standard_input_cannot_be_watched(capsys: pytest.CaptureFixture[str]) ->
 CROSSING = Path(__file__).parents[2] / "specs" / "examples" / "broken" / "crossing.krd"
 
 
+@pytest.mark.slow
 def test_instants_are_told_like_any_claim(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -469,6 +472,7 @@ def test_programs_without_sensors_have_no_instants(
 # --- vacuity --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_branches_that_exclude_each_other_promised_at_once_are_vacuous(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -530,6 +534,7 @@ def timeless(text: str) -> Any:
     return without(json.loads(text))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "flags",
     first(

@@ -74,6 +74,7 @@ def reports(words: Sequence[str], capsys: pytest.CaptureFixture[str]) -> tuple[i
     return code, timeless(json.loads(capsys.readouterr().out))
 
 
+@pytest.mark.slow
 def test_numbers_of_robots_have_the_same_verdicts_there(
     program: str, address: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -103,6 +104,7 @@ def test_examples_have_the_same_verdicts_there(
     assert reports([*words, "--cluster", address], capsys) == reports(words, capsys)
 
 
+@pytest.mark.slow
 def test_somebody_who_is_no_scheduler_is_told(
     program: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -123,6 +123,7 @@ def test_what_was_shown_of_another_program_is_not_confirmed(count: int) -> None:
     assert judged(altered(*change) for change in CHANGES[:count])["refuted"] >= count // 2
 
 
+@pytest.mark.slow
 def test_nothing_false_is_confirmed_of_some_edits() -> None:
     count = judged(edited(Random(seed)) for seed in range(4))
     assert count["refused"] >= 1

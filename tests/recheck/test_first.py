@@ -133,6 +133,7 @@ UNMET: dict[str, tuple[Callable[[], Document], str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case", first(1, [(case,) for case in UNMET.values()]), ids=[n.replace(" ", "_") for n in UNMET]
 )
@@ -180,6 +181,7 @@ def test_what_is_no_variable_may_move(said: str) -> None:
         unmet(document)
 
 
+@pytest.mark.slow
 def test_older_certificates_say_nothing_of_it() -> None:
     document = queue()
     document["version"] = VERSIONS[-2]

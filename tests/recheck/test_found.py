@@ -102,6 +102,7 @@ def test_what_ic3_finds_is_confirmed(text: str, kinds: tuple[int, ...]) -> None:
     assert outcome(made(text, kinds)) is RecheckOutcome.CONFIRMED
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(installed() is None, reason="needs abc")
 def test_what_abc_finds_is_confirmed() -> None:
     assert (
@@ -109,6 +110,7 @@ def test_what_abc_finds_is_confirmed() -> None:
     )
 
 
+@pytest.mark.slow
 def test_without_one_of_its_parts_it_is_refuted() -> None:
     document = task()
     document["invariant"].remove(conjunct(document, "list[k].assigned"))
@@ -137,6 +139,7 @@ def test_with_a_part_that_says_more_it_is_refuted(text: str, part: str, old: str
     assert outcome(document) is RecheckOutcome.REFUTED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new"),
     first(

@@ -60,6 +60,7 @@ def test_claims_about_maps_are_confirmed(choice: Engine | None) -> None:
     assert rechecked(document).outcome is RecheckOutcome.CONFIRMED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new"),
     first(

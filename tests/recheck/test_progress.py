@@ -365,7 +365,7 @@ PREMISES: dict[str, tuple[str, list[str], list[Document], list[Document], str]] 
 
 
 @pytest.mark.parametrize(
-    "case", first(6, [(case,) for case in PREMISES.values()]), ids=_ids(PREMISES)
+    "case", first(2, [(case,) for case in PREMISES.values()]), ids=_ids(PREMISES)
 )
 def test_each_premise_counts(
     case: tuple[str, list[str], list[Document], list[Document], str],

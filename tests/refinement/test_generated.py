@@ -80,6 +80,7 @@ def _holds_something(storage: Storage[Constant]) -> bool:
     return any(map(_holds_something, storage.parts))
 
 
+@pytest.mark.slow
 def test_all_of_the_language_is_used() -> None:
     seen: Counter[object] = Counter()
     for case in (case for seed in range(5) for case in cases(seed, ROUNDS, 60)):

@@ -32,29 +32,34 @@ SETUP = Setup(3, Timing.zero())
 
 @pytest.mark.parametrize(
     ("bounds", "least_states"),
-    [
-        pytest.param(
-            ExplorationBounds(rounds=1, epoch=0, crashes=0, eager=False),
-            1_500,
-            id="one round, whole",
-        ),
-        pytest.param(  # the test of several ways goes further, and is not slow
-            ExplorationBounds(rounds=1, epoch=1, crashes=1, depth=11),
-            8_000,
-            id="an election",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            ExplorationBounds(rounds=1, epoch=2, crashes=1, restarts=1, depth=9),
-            8_000,
-            id="a restart",
-        ),
-        pytest.param(
-            ExplorationBounds(rounds=0, epoch=1, crashes=0, settled=False, resends=True, depth=10),
-            3_000,
-            id="from switching on",
-        ),
-    ],
+    first(
+        1,
+        [
+            pytest.param(
+                ExplorationBounds(rounds=1, epoch=0, crashes=0, eager=False),
+                1_500,
+                id="one round, whole",
+            ),
+            pytest.param(  # the test of several ways goes further, and is not slow
+                ExplorationBounds(rounds=1, epoch=1, crashes=1, depth=11),
+                8_000,
+                id="an election",
+                marks=pytest.mark.slow,
+            ),
+            pytest.param(
+                ExplorationBounds(rounds=1, epoch=2, crashes=1, restarts=1, depth=9),
+                8_000,
+                id="a restart",
+            ),
+            pytest.param(
+                ExplorationBounds(
+                    rounds=0, epoch=1, crashes=0, settled=False, resends=True, depth=10
+                ),
+                3_000,
+                id="from switching on",
+            ),
+        ],
+    ),
 )
 def test_the_invariants_hold_however_it_comes(bounds: ExplorationBounds, least_states: int) -> None:
     explored = explore(bounds)
@@ -85,7 +90,7 @@ def test_the_invariants_hold_further_on(bounds: ExplorationBounds) -> None:
     assert explored.complete == (bounds.crashes == 0)
 
 
-@pytest.mark.parametrize("seed", first(2, range(4)))
+@pytest.mark.parametrize("seed", first(1, range(4)))
 def test_unlucky_walks_keep_the_invariants(seed: int) -> None:
     """Crashes and returns, and everything that was ever sent may still arrive."""
     explored = wander(ExplorationBounds(rounds=4, epoch=8, crashes=4, restarts=4), seed, 40, 150)

@@ -510,7 +510,7 @@ def test_the_invariants_hold_with_every_disk_further_on(bounds: ExplorationBound
     assert explored.committed > 2
 
 
-@pytest.mark.parametrize("seed", first(2, range(8)))
+@pytest.mark.parametrize("seed", first(1, range(8)))
 @pytest.mark.parametrize("robots", [3, pytest.param(4, marks=pytest.mark.slow)])
 def test_unlucky_walks_with_any_disk(robots: int, seed: int) -> None:
     """Any number of crashes with disks; an old one once, and losses while a majority remembers."""

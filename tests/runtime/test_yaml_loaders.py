@@ -208,6 +208,7 @@ def _around(text: str) -> Iterator[str]:
     yield from (text, f"# {text}", f"num_robots: 2\nparams: {{a: 1}}\n{text}")
 
 
+@pytest.mark.slow
 @needs_libyaml
 @examples(800)
 @given(_texts())

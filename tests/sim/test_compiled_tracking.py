@@ -109,6 +109,7 @@ def agree(one: WheeledSquad, other: WheeledSquad, now_s: float) -> None:
     assert one.group.targets == other.group.targets
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(
     st.integers(1, MOST),

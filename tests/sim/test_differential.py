@@ -87,6 +87,7 @@ def followed(level: Level) -> tuple[Floats, Fleet]:
     return np.array(places), fleet
 
 
+@pytest.mark.slow
 def test_it_follows_corners_at_every_level() -> None:
     ways = {}
     for level in Level:
@@ -138,6 +139,7 @@ def test_it_stops_at_what_stands_in_its_way() -> None:
     assert fleet.touched(0) == ((Hindrance.OBSTACLE, 0),)
 
 
+@pytest.mark.slow
 def test_what_task_claims_holds_with_slack(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["sim", str(EXAMPLES / "task.krd"), str(EXAMPLES / "task_diff.yaml"), "--no-html"]
     assert main([*words, "--rounds", "120", "--check-summaries"]) == 0

@@ -21,6 +21,7 @@ from koord.runtime.robot import Robot
 from koord.sim.groups import GroupedSimulation
 from koord.sim.running import Ending, Simulation, run
 from koord.syntax.source import Source
+from tests.sampling import first
 from tests.sim.test_kernels import shuttles
 
 #: Each robot counts its rounds, and all together count them, one at a time.
@@ -68,7 +69,7 @@ def elsewhere() -> Callable[[], bool]:
     return lambda: os.getpid() != first
 
 
-@pytest.mark.parametrize("after", [0, 40, None])
+@pytest.mark.parametrize("after", first(2, [0, 40, None]))
 @pytest.mark.parametrize("processes", [2, 3])
 def test_a_fleet_makes_the_same_run(after: int | None, processes: int) -> None:
     """By machine code from the first round on, from a later one on, and not at all."""

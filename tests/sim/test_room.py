@@ -60,6 +60,7 @@ def seen(parts: tuple[Colliding, ...]) -> bytes:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", first(1, range(6)))
 def test_bodies_move_as_pymunk_moves_them(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also when they come to where they touch something, and away from there."""

@@ -175,6 +175,7 @@ def least_apart_m(name: str, duration_s: float, *, certified: bool = True, **par
     return nearest.distance_m
 
 
+@pytest.mark.slow
 def test_robots_that_cross_are_kept_apart_by_certificates_alone() -> None:
     assert least_apart_m("robotarium_points", 60.0, laps=1) >= APART_M
     assert least_apart_m("robotarium_points", 8.0, certified=False, laps=1) < APART_M - 0.04

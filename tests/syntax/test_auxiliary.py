@@ -184,6 +184,7 @@ def test_a_lasso_need_not_come_back_to_a_sensor_that_is_always_met() -> None:
     assert verdict.counterexample is not None
 
 
+@pytest.mark.slow
 def test_a_lasso_comes_back_to_a_sensor_that_runs_out_of_readings() -> None:
     """There are no runs without end: no int rises and stays below 3 for ever."""
     text = DRIVING.replace("float level", "int level").replace("level' > level", "%s")

@@ -77,6 +77,7 @@ def values_at(told: Story, position: int) -> list[str]:
     return values
 
 
+@pytest.mark.slow
 def test_values_are_those_of_the_configurations(small: Trace) -> None:
     told, names = story.story_of(small), Names(small.system)
     assert [row.name for row in told.rows[:4]] == ["total", "log[0]", "log[1]", "log[2]"]
@@ -211,6 +212,7 @@ def test_who_can_run_nothing_is_not_told_to_wait_for_a_lock() -> None:
     assert late > 0
 
 
+@pytest.mark.slow
 def test_statements_about_ends_of_rounds_are_asked_there_only() -> None:
     told = story.story_of(counterexample("Odd"))
     (track,) = told.tracks
@@ -220,6 +222,7 @@ def test_statements_about_ends_of_rounds_are_asked_there_only() -> None:
     assert "at the end of round" in told.ending.headline
 
 
+@pytest.mark.slow
 def test_loops_are_told_with_their_goal() -> None:
     trace = counterexample("All")
     told = story.story_of(trace)

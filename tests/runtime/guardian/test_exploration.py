@@ -51,7 +51,7 @@ def hasty(limits: SafetyLimits, state: State, facts: Facts, now_s: float) -> Sta
 @pytest.mark.parametrize(
     ("name", "wrong", "claim"),
     first(
-        2,
+        1,
         [
             ("after_order", started, "S-FINAL"),
             ("after_tick", hasty, "S-CLEAR"),

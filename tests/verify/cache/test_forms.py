@@ -168,7 +168,7 @@ def test_whatever_is_changed_in_a_program_changes_its_form() -> None:
 @pytest.mark.parametrize(
     "path",
     first(
-        8,
+        2,
         [
             pytest.param(path, marks=[pytest.mark.slow] if path.stem in LONG else [])
             for path in example_files()

@@ -88,6 +88,7 @@ def test_what_rests_on_a_claim_that_does_not_hold_any_more_counts_for_nothing() 
     assert found["Done"][0] is not Outcome.HOLDS
 
 
+@pytest.mark.slow
 def test_few_robots_show_nothing_where_a_proof_is_for_these_alone_after_all() -> None:
     """Six robots never run what fewer can; that is told where `Done` is not of every number."""
     changed = of(TEXT.replace("n < 9", "n != 2"), 6)

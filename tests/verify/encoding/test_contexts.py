@@ -48,6 +48,7 @@ def test_there_are_few_contexts_at_a_time(monkeypatch: pytest.MonkeyPatch) -> No
     assert made(monkeypatch, 1) <= 3
 
 
+@pytest.mark.slow
 def test_what_belongs_to_others_is_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     assert made(monkeypatch, 0) == 8
 

@@ -409,6 +409,7 @@ def test_what_robots_have_of_each_other_is_told_apart() -> None:
     }
 
 
+@pytest.mark.slow
 def test_what_robots_have_of_each_other_is_spoken_of_first() -> None:
     """What is said of all others costs more: it is one more quantifier."""
     shown = found(protocol_text("ricart_agrawala"))

@@ -37,6 +37,7 @@ def proved_over(made: System, rounds: int = 2) -> set[str]:
     return {claim.name for claim in prove_over(made, left, known, _means(), rounds)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "name"), first(1, [("allstop.krd", "NoneAlone"), ("follow_points.krd", "Finished")])
 )

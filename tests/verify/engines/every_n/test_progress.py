@@ -330,7 +330,7 @@ def test_what_is_proved_the_search_finds_as_well(name: str, robots: int) -> None
     assert asked(text, robots, Engine.SEARCH).outcome is Outcome.HOLDS
 
 
-@pytest.mark.parametrize("name", first(3, VIOLATED))
+@pytest.mark.parametrize("name", first(1, VIOLATED))
 def test_what_fails_with_some_number_is_not_proved(name: str) -> None:
     text, robots = VIOLATED[name]
     assert asked(text, 2, Engine.EVERY_N).outcome is Outcome.UNKNOWN
