@@ -60,7 +60,7 @@ sample: $(INSTALLED)
 
 # They wait more than they compute: more at once than there are cores.
 peers: $(INSTALLED)
-	$(BIN)/pytest -q -n 4 --dist worksteal -m "slow and waits" --one-of-each
+	$(BIN)/pytest -q -n 5 --dist worksteal -m "slow and waits" --one-of-each
 
 fuzz: $(INSTALLED) $(ATHERIS)
 	$(BIN)/python -m tests.fuzz.fuzz_text -max_total_time=$(FUZZ_SECONDS)
