@@ -13,6 +13,7 @@ import pytest
 import koord
 
 interactiveshell = pytest.importorskip("IPython.core.interactiveshell")
+traitlets = pytest.importorskip("traitlets.config")
 
 COUNTER = """\
 local:
@@ -37,11 +38,12 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """A notebook's shell in which koord is loaded."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
-    made = interactiveshell.InteractiveShell()
-    made.history_manager.enabled = False
+    # Its history has a thread that nobody ends, and robots' planners are not forked beside threads.
+    made = interactiveshell.InteractiveShell(
+        config=traitlets.Config({"HistoryManager": {"enabled": False}})
+    )
     made.run_cell("%load_ext koord")
     yield made
-    made.history_manager.end_session()
     made.restore_sys_module_state()
 
 

@@ -389,11 +389,22 @@ def test_ctrl_c_leaves_what_is_proved() -> None:
 
 def test_ctrl_c_at_any_moment() -> None:
     """A report comes of it whenever it is pressed, and never says what is not so."""
+    cut = 0
     for moment in range(1, 12):
-        report = interrupted(late(3), lambda n, _, moment=moment: n == moment)  # type: ignore[misc]
-        assert report.interrupted or moment > 3
+        reached = 0
+
+        def when(number: int, text: str, moment: int = moment) -> bool:
+            nonlocal reached
+            reached = number
+            return number == moment
+
+        report = interrupted(late(3), when)
+        # How much is told before all is settled hangs on how soon other processes are.
+        assert report.interrupted or reached < moment or moment > 3
         assert [v.claim.name for v in report.verdicts] == ["Small", "no fault"]
         assert report.verdicts[0].outcome is not Outcome.HOLDS
+        cut += report.interrupted
+    assert cut > 0
 
 
 def test_what_holds_for_some_rounds_is_no_lemma() -> None:
