@@ -14,12 +14,12 @@ from msgspec import Struct
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Fault, Robot, Store, Turn
 from koord.semantics.domain import Domain
-from koord.semantics.machine import Legality, Machine
+from koord.semantics.machine import Legality
 from koord.semantics.oracle import Inputs, Phase
 from koord.semantics.rounds import IllegalStepError, Stepped, check_legality, first_fault
 from koord.semantics.statements import machine
 from koord.semantics.storage import Storage, unset
-from koord.semantics.turns import Turned, committed, start_own_entry, starting, turned_by
+from koord.semantics.turns import Turned, committed, start_all, start_own_entry, turned_by
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, Start
 from koord.syntax.system import System
@@ -249,7 +249,7 @@ def _declared(
     allread = _kept(d, system, program.allread, match.allread, held.allread)
     allwrite = _kept(d, system, program.allwrite, match.allwrite, held.allwrite)
     m = machine(d, system, inputs.oracle(Phase.INIT, 0), copy=Store(allread, allwrite))
-    _start(m, program.allwrite, match.allwrite, m.memory.allwrite, inputs, None)
+    start_all(m, _new(program.allwrite, match.allwrite), m.memory.allwrite, inputs, None)
     _check_sound(d, m.legality, m.faults)
     return Store(allread, tuple(m.memory.allwrite))
 
@@ -275,28 +275,16 @@ def _resumed(
         ports=_kept(d, system, ports, of_kind.ports, state.ports),
         copy=store,
     )
-    _start(m, ports, of_kind.ports, m.memory.ports, inputs, pid)
-    _start(m, agent.locals, of_kind.locals, m.memory.locals, inputs, pid)
-    for entry, slot in zip(system.program.allread, match.allread, strict=True):
-        if slot is None:
-            start_own_entry(m, entry, inputs, pid)
+    start_all(m, _new(ports, of_kind.ports), m.memory.ports, inputs, pid)
+    start_all(m, _new(agent.locals, of_kind.locals), m.memory.locals, inputs, pid)
+    for entry in _new(system.program.allread, match.allread):
+        start_own_entry(m, entry, inputs, pid)
     return turned_by(m, pid, None, NO_EVENT, state)
 
 
-def _start(
-    m: Machine[V],
-    entries: Sequence[core.Declaration],
-    slots: Slots,
-    storages: list[Storage[V]],
-    inputs: Inputs[V],
-    robot: int | None,
-) -> None:
-    """Let the variables start that go on as none, in order of declaration. [INIT]"""
-    for position, (entry, slot) in enumerate(zip(entries, slots, strict=True)):
-        if slot is None:
-            start = starting(m, entry, entry.variable.type, inputs, robot)
-            if start is not None:
-                storages[position] = start
+def _new(entries: Sequence[core.Declaration], slots: Slots) -> list[core.Declaration]:
+    """The variables that go on as none, in order of declaration."""
+    return [entry for entry, slot in zip(entries, slots, strict=True) if slot is None]
 
 
 def _check_sound(

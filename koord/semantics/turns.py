@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Generic, TypeAlias, TypeVar
 
 from msgspec import Struct
@@ -62,14 +62,25 @@ def declared(
     m = machine(d, system, inputs.oracle(Phase.INIT, 0))
     m.memory.allread = list(allread)
     m.memory.allwrite = [unset(d, entry.variable.type, robots) for entry in program.allwrite]
-    for entry in program.allwrite:
-        start = starting(m, entry, entry.variable.type, inputs, None)
-        if start is not None:
-            m.memory.allwrite[entry.variable.slot] = start
+    start_all(m, program.allwrite, m.memory.allwrite, inputs, None)
     return Store(allread, tuple(m.memory.allwrite)), tuple(m.faults)
 
 
-def starting(
+def start_all(
+    m: Machine[V],
+    entries: Iterable[core.Declaration],
+    storages: list[Storage[V]],
+    inputs: Inputs[V],
+    robot: int | None,
+) -> None:
+    """Let variables start, in order of declaration. [INIT]"""
+    for entry in entries:
+        start = _starting(m, entry, entry.variable.type, inputs, robot)
+        if start is not None:
+            storages[entry.variable.slot] = start
+
+
+def _starting(
     m: Machine[V],
     entry: core.Declaration,
     type_: Type,
@@ -99,14 +110,8 @@ def initial_turn(
         copy=store,
         bound=agent.init_bound,
     )
-    for port in agent.ports:
-        start = starting(m, port.declaration, port.declaration.variable.type, inputs, robot)
-        if start is not None:
-            m.memory.ports[port.declaration.variable.slot] = start
-    for entry in agent.locals:
-        start = starting(m, entry, entry.variable.type, inputs, robot)
-        if start is not None:
-            m.memory.locals[entry.variable.slot] = start
+    start_all(m, [port.declaration for port in agent.ports], m.memory.ports, inputs, robot)
+    start_all(m, agent.locals, m.memory.locals, inputs, robot)
     for entry in system.program.allread:
         start_own_entry(m, entry, inputs, robot)
     run(m, agent.init)
