@@ -36,7 +36,7 @@ def fairness_of(
         return None
     until = None if left_s is None else time.monotonic() + left_s
     steps = execute(EXACT, system, found.recording)
-    ends = [step.configuration for step in steps if step.rule in ("INIT", "ENV-TRANS")]
+    ends = [step.configuration for step in steps if step.is_at_round]
     why = excuses(system, found.recording, ends)
     text = SourceTexts(program.source, program.settings, program.properties)
     lasso = Lassoed(system, found.recording, ends, why, stated)

@@ -85,7 +85,7 @@ class Monitor(Struct):
             return None
         for robot, contract in step.stepped.promises:
             return Violation(ViolationKind.CONTRACT, contract.name, step.round, robot)
-        between_rounds = step.rule in ("INIT", "RELOAD", "ENV-TRANS")
+        between_rounds = step.is_at_round
         for stated in self.system.program.properties:
             at_round = stated.kind is PropertyKind.AT_ROUND
             if stated.kind is not PropertyKind.INVARIANT and not (at_round and between_rounds):

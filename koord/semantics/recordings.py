@@ -191,6 +191,10 @@ class RecordedInputs:
 # --- execution ----------------------------------------------------------------------------------
 
 
+#: The rules whose steps end at a round: there what is claimed `at round` is asked. [PROP-ROUND]
+ROUND_ENDS = ("INIT", "RELOAD", "ENV-TRANS")
+
+
 class Step(Struct, frozen=True):
     """A step of a run: the rule, the robot, and the configuration reached.
 
@@ -208,6 +212,11 @@ class Step(Struct, frozen=True):
     @property
     def configuration(self) -> Configuration[Constant]:
         return self.stepped.configuration
+
+    @property
+    def is_at_round(self) -> bool:
+        """Whether the configuration is between two rounds."""
+        return self.rule in ROUND_ENDS
 
 
 def execute(

@@ -182,7 +182,7 @@ class _Replay:
                 )
                 raise self.refusal("FAULT", plan, f"{reason}, and goes on in the trace")
             self.check_step(plan, step, closes=self.closes(number, step))
-            if step.rule in ("INIT", "RELOAD", "ENV-TRANS"):
+            if step.is_at_round:
                 self.ends.append(step.configuration)
             last, self.last = step, step.configuration
             self.steps += 1
@@ -307,7 +307,7 @@ class _Replay:
         if stated.kind in LIVENESS:
             return "LASSO", False  # no run that ends refutes it
         at_round = stated.kind is PropertyKind.AT_ROUND
-        if at_round and last.rule not in ("INIT", "RELOAD", "ENV-TRANS"):
+        if at_round and not last.is_at_round:
             return "PROP-ROUND", False
         recording, at = self.trace.recording, last.configuration
         seen = recording.opening if last.round == BEFORE_ROUNDS else recording.rounds[last.round]

@@ -14,7 +14,7 @@ from koord.semantics.domain import EXACT, Constant
 from koord.semantics.liveness import LIVENESS, Response, responses
 from koord.semantics.oracle import Inputs, NoInputs, Phase
 from koord.semantics.properties import holds_in
-from koord.semantics.recordings import Concrete, RecordedInputs, Step
+from koord.semantics.recordings import ROUND_ENDS, Concrete, RecordedInputs, Step
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.statements import machine
 from koord.syntax import core
@@ -33,8 +33,6 @@ _MOST_ASKED = 2_000
 
 #: So many parts of formulas are told of a story, so that pages stay small.
 _MOST_PARTS = 3_000
-
-_ENDS = ("INIT", "ENV-TRANS")
 
 
 def stated_in(trace: Trace) -> core.Property | None:
@@ -59,7 +57,7 @@ def tracks_of(trace: Trace, told: Sequence[Step], steps: Sequence[Step]) -> list
     if stated.kind in LIVENESS:
         return _responses(trace, stated, told, steps)
     if stated.kind is PropertyKind.AT_ROUND:
-        return [_track(trace, stated, stated.name, told, _ENDS)]
+        return [_track(trace, stated, stated.name, told, ROUND_ENDS)]
     return [_track(trace, stated, stated.name, told, ())]
 
 
@@ -162,7 +160,7 @@ def _responses(
     trace: Trace, stated: core.Property, told: Sequence[Step], steps: Sequence[Step]
 ) -> list[Track]:
     """Trigger and goal of the response that a lasso breaks. [LASSO]"""
-    ends = [step.configuration for step in steps if step.rule in _ENDS]
+    ends = [step.configuration for step in steps if step.is_at_round]
     response: Response | None = None
     if trace.recording.loop is not None:
         broken = broken_by(trace.system, trace.recording, ends, stated)
@@ -173,9 +171,9 @@ def _responses(
     found = []
     if response.trigger is not None:
         name = f"{stated.name}{whose}: trigger"
-        found.append(_track(trace, response.trigger, name, told, _ENDS))
+        found.append(_track(trace, response.trigger, name, told, ROUND_ENDS))
     name = f"{stated.name}{whose}: goal"
-    found.append(_track(trace, response.goal, name, told, _ENDS))
+    found.append(_track(trace, response.goal, name, told, ROUND_ENDS))
     return found
 
 

@@ -140,7 +140,7 @@ class Tracer(Struct):
         if self._open:
             self.configurations.pop()
         self.configurations.append(step.configuration)
-        self._open = step.rule not in ("INIT", "RELOAD", "ENV-TRANS")
+        self._open = not step.is_at_round
         self.outputs += emitted(step)
 
     def add_round(

@@ -30,7 +30,7 @@ def replayed_lasso(system: System, recording: Recording, claim: Claim) -> Counte
     found = unkept(system, heard)
     if found is not None:
         raise NotReplayedError(f"no {found.function} keeps its summary with these answers")
-    ends = [step.configuration for step in steps if step.rule in ("INIT", "ENV-TRANS")]
+    ends = [step.configuration for step in steps if step.is_at_round]
     flaw = flaw_of(system, recording, ends, stated)
     if flaw is not None:
         raise NotReplayedError(f"{flaw.rule}: {flaw.reason}")

@@ -398,9 +398,7 @@ def _lost(met: _Meeting) -> str:
 def _meetings(system: System, recording: Recording, steps: list[Step]) -> dict[str, _Meeting]:
     """By variable, a robot's update that met another's write in the last round. [LOST-UPDATE]"""
     round_ = recording.rounds[-1]
-    start = next(
-        step.configuration for step in reversed(steps) if step.rule in ("INIT", "ENV-TRANS")
-    )
+    start = next(step.configuration for step in reversed(steps) if step.is_at_round)
     inputs = RecordedInputs(answers=round_.answers)
     written = []
     for robot in round_.order:

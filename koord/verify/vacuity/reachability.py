@@ -93,7 +93,7 @@ def seen(
                         return broken
                     continue
                 step, configuration = part.step, part.step.configuration
-                if step.rule not in ("INIT", "ENV-TRANS") or configuration.fault is not None:
+                if not step.is_at_round or configuration.fault is not None:
                     continue
                 unkept = {contract.name for _, contract in step.stepped.promises}
                 hit = {c for c in pending if c.subject in unkept}

@@ -109,7 +109,7 @@ def _shown(system: System, recording: Recording, nevers: Collection[Claim], roun
         for step in execute(EXACT, system, recording, heard):
             if step.configuration.fault is not None or step.configuration.round > rounds:
                 break
-            if step.rule not in ("INIT", "ENV-TRANS"):
+            if not step.is_at_round:
                 continue
             starts, goes_on = True, goes_on or step.rule == "ENV-TRANS"
             found.update(_broken_by(system, recording, step, nevers, heard))
