@@ -9,14 +9,13 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.api.edits import Edit, Edits
-from koord.api.fitting import Fitted, slack_of
+from koord.api.fitting import Fitted
 from koord.api.progress import Listener
 from koord.api.sim_report import ProgramReloaded
 from koord.api.sim_setup import Built
-from koord.api.sim_trace import TracedProgram, Tracing
+from koord.api.sim_trace import TracedProgram, Tracing, system_of
 from koord.refinement.translation import Translation, to_plain, to_storage, to_value
 from koord.runtime.compile.naming import PythonNames
-from koord.runtime.compile.slack import loosened
 from koord.runtime.engine import Resumed, RoundEngine
 from koord.runtime.robot import Host, Status, Turn
 from koord.runtime.robot import Robot as Running
@@ -28,6 +27,7 @@ from koord.semantics.recordings import Concrete, Reached
 from koord.semantics.reloading import Correspondence, Fate, Unkept, correspondence, reloaded
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import Cell, Storage, contents
+from koord.sim.run_log import changed_words
 from koord.sim.running import NextProgram, Simulation
 from koord.syntax import core
 from koord.syntax.core import Home
@@ -87,11 +87,10 @@ class Reloading:
         except KoordError as error:
             self._refuse(edit, error.diagnostics)
         else:
-            words = "; ".join(("the program has changed", *notes))
             warnings = edit.fitted.program.warnings
             self._tell(
                 ProgramReloaded(
-                    words,
+                    changed_words(notes),
                     simulation.engine.round,
                     accepted=True,
                     notes=notes,
@@ -142,12 +141,6 @@ class Reloading:
             self._tracing.go_on(traced, finished, simulation)
         self.fitted = fitted
         return notes
-
-
-def system_of(fitted: Fitted) -> System:
-    """The system of a fitted program, as its vehicles keep it."""
-    program = loosened(fitted.program.core, slack_of(fitted))
-    return System(program, fitted.kinds, fitted.delta_s)
 
 
 # --- words ----------------------------------------------------------------------------------------

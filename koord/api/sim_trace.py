@@ -21,6 +21,12 @@ from koord.syntax.system import System
 from koord.traces.trace import Trace
 
 
+def system_of(fitted: Fitted) -> System:
+    """The system of a fitted program, as its vehicles keep it."""
+    program = loosened(fitted.program.core, slack_of(fitted))
+    return System(program, fitted.kinds, fitted.delta_s)
+
+
 class TracedProgram:
     """A program of a run, with what hears its host.
 
@@ -37,7 +43,7 @@ class TracedProgram:
         found = excesses(core, fitted.kinds)
         if found:
             raise KoordError(found)
-        self.system = System(loosened(core, self.slack), fitted.kinds, fitted.delta_s)
+        self.system = system_of(fitted)
         self._made, self._before = ready(core), before
         self.fleet: TracedFleet | None = None
 

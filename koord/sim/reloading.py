@@ -23,6 +23,7 @@ from koord.sim.run_log import (
     LoggedAgent,
     LoggedChange,
     LoggedVariable,
+    RunLog,
 )
 
 T = TypeVar("T")
@@ -49,8 +50,11 @@ class Numbering(Struct, frozen=True):
         return found
 
 
-def declared_in(header: Header) -> Declared:
-    """The variables of the program that a recording begins with."""
+def declared_in(recording: RunLog) -> Declared:
+    """The variables of the program that a recording is at."""
+    if recording.reloads:
+        return recording.reloads[-1].has
+    header = recording.header
     agents = tuple(tuple(range(len(agent.variables))) for agent in header.agents)
     return Declared(tuple(range(len(header.shared))), agents)
 

@@ -215,13 +215,18 @@ class LoggedReload(Struct, frozen=True):
     has: Declared
 
 
+def changed_words(notes: tuple[str, ...]) -> str:
+    """A change of the program in words, with what was not kept."""
+    return "; ".join(("the program has changed", *notes))
+
+
 def reload_words(entry: LoggedReload) -> str:
     """A change of the program in words, or why an edit was refused."""
     if entry.text is None:
         return "\n".join(
             ("the edited program is refused, and the one before goes on:", *entry.words)
         )
-    return "; ".join(("the program has changed", *entry.words))
+    return changed_words(entry.words)
 
 
 class LogSizes(NamedTuple):

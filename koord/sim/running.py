@@ -380,7 +380,7 @@ class Simulation:
             raise
         self.cast, self.engine, self.striding, self._strides = cast, engine, None, None
         log, header = self.recorder.recording, header_in(cast, self.scene)
-        had = log.reloads[-1].has if log.reloads else declared_in(log.header)
+        had = declared_in(log)
         whole, numbering = extended(log.header, header)
         entry = LoggedReload(
             engine.round, self.time_s, cast.text, program.words, had, numbering.declared
@@ -399,7 +399,7 @@ class Simulation:
     def refuse(self, words: tuple[str, ...]) -> None:
         """Record that an edited program was refused; the run goes on as it is."""
         log = self.recorder.recording
-        had = log.reloads[-1].has if log.reloads else declared_in(log.header)
+        had = declared_in(log)
         entry = LoggedReload(self.engine.round, self.time_s, None, words, had, had)
         self.recorder.reload(log.header, entry)
 
