@@ -10,7 +10,7 @@ import pytest
 from hypothesis import is_hypothesis_test, settings
 
 from koord.verify.job_process import keep_freed_memory
-from tests.sampling import PEERS, one_of_each, waits, waits_for_robots
+from tests.sampling import PEERS, forks, one_of_each, waits, waits_for_robots
 
 #: Mistakes that tests are to notice may be in what writes machine code: none is kept from another
 #: run. Tests of that name a folder of their own.
@@ -96,13 +96,14 @@ def pytest_unconfigure() -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark tests on what hypothesis makes, and those that wait for vehicles; take the sample.
 
-    Those that wait for robots come first: at the end nothing is left to be computed meanwhile.
+    Those that fork come first: libraries that others load leave threads behind. Then come those
+    that wait for robots: at the end nothing is left to be computed meanwhile.
     """
     for item in items:
         if isinstance(item, pytest.Function) and is_hypothesis_test(item.obj):
             item.add_marker("generated")
         if waits(item.path):
             item.add_marker("waits")
-    items.sort(key=lambda item: not waits_for_robots(item.path))
+    items.sort(key=lambda item: (not forks(item.path), not waits_for_robots(item.path)))
     if config.getoption("one_of_each"):
         items[:] = one_of_each(items)

@@ -198,6 +198,11 @@ def waits_for_robots(file: Path) -> bool:
     return "/tests/deployed/" in file.as_posix()
 
 
+def forks(file: Path) -> bool:
+    """Whether the tests of a file fork their process, which is done beside no other thread."""
+    return file.as_posix().endswith("tests/sim/test_planning_workers.py")
+
+
 def is_too_long(test: str) -> bool:
     """Whether `make sample` leaves out a test, of this name."""
     return test in TOO_LONG or _FAMILIES.search(test) is not None

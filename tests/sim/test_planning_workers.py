@@ -41,6 +41,12 @@ ROBOTS = [
 ]
 
 
+@pytest.fixture(autouse=True)
+def alone() -> None:
+    """Nobody forks beside other threads: `tests/conftest.py` has these tests run first."""
+    assert threading.active_count() == 1, threading.enumerate()
+
+
 def digest(fleet: Fleet, spoil_at: int = -1) -> str:
     found = hashlib.sha256()
     for tick in range(24):

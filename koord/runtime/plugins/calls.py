@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import threading
 import time
+import weakref
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from msgspec import Struct
 
@@ -14,6 +15,12 @@ from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import NOWHERE
 
 Answer = TypeVar("Answer")
+
+#: What is to be called; None at the end.
+_Asked: TypeAlias = "SimpleQueue[Callable[[], Any] | None]"
+
+#: What came of each call.
+_Answered: TypeAlias = "SimpleQueue[tuple[Any, Exception | None]]"
 
 
 class PlugIn(Struct, frozen=True):
@@ -44,12 +51,15 @@ class PlugInError(KoordError):
 
 
 class Guarded:
-    """The calls of one plug-in, in a thread of their own, so that nobody waits for it for long."""
+    """The calls of one plug-in, in a thread of their own, so that nobody waits for it for long.
+
+    The thread ends with it.
+    """
 
     def __init__(self, what: str, limit_s: float) -> None:
         self.what, self._limit_s = what, limit_s
-        self._asked: SimpleQueue[Callable[[], Any]] | None = None
-        self._answered: SimpleQueue[tuple[Any, Exception | None]] = SimpleQueue()
+        self._asked: _Asked | None = None
+        self._answered: _Answered = SimpleQueue()
         self._since_s: float | None = None  #: since when a call goes on that nobody waits for
 
     def call(self, function: Callable[[], Answer]) -> Answer:
@@ -58,7 +68,9 @@ class Guarded:
             self._wait_again(self._since_s)
         if self._asked is None:
             self._asked = SimpleQueue()
-            threading.Thread(target=self._serve, args=(self._asked,), daemon=True).start()
+            queues = self._asked, self._answered
+            threading.Thread(target=_serve, args=queues, name=self.what, daemon=True).start()
+            weakref.finalize(self, self._asked.put, None)
         self._asked.put(function)
         try:
             answer, error = self._answered.get(timeout=self._limit_s)
@@ -84,10 +96,11 @@ class Guarded:
             raise PlugInError(self.what, story, cure) from None
         self._since_s = None
 
-    def _serve(self, asked: SimpleQueue[Callable[[], Any]]) -> None:
-        while True:
-            function = asked.get()
-            try:
-                self._answered.put((function(), None))
-            except Exception as error:
-                self._answered.put((None, error))
+
+def _serve(asked: _Asked, answered: _Answered) -> None:
+    while (function := asked.get()) is not None:
+        try:
+            answered.put((function(), None))
+        except Exception as error:
+            answered.put((None, error))
+        del function  # it may hold who is to be gone

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -196,6 +197,15 @@ def test_who_blocks_is_named_and_waited_for_once() -> None:
             break
         except PlugInError:
             time.sleep(0.01)
+
+
+def test_the_thread_of_calls_ends_with_them() -> None:
+    calls = Guarded("the planner of nobody else", 20.0)
+    assert calls.call(lambda: 1) == 1
+    (thread,) = (one for one in threading.enumerate() if one.name == calls.what)
+    del calls
+    thread.join(20.0)
+    assert not thread.is_alive()
 
 
 class Driven:
