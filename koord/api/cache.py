@@ -10,12 +10,12 @@ from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as version_of
 from pathlib import Path
 
-from koord.machine.folder import VARIABLE, MachineFiles, machine_folder, usual_folder
+from koord.machine.kept import machine_store
+from koord.stores.folder import VARIABLE, FolderStore, FolderUse, usual_folder
+from koord.stores.store import LayeredStore, MemoryStore
 from koord.syntax.system import System
-from koord.verify.cache.folder import FOLDER_LIMIT, Folder, FolderUse
 from koord.verify.cache.forms import digest
-from koord.verify.cache.kept import VerdictCache
-from koord.verify.cache.storage import Layered, Memory
+from koord.verify.cache.kept import VERDICT_FILES, VerdictCache
 from koord.verify.cache.verifying import CachedVerification
 from koord.verify.engine_names import Engine
 from koord.verify.verdicts import Bounds
@@ -48,14 +48,15 @@ class Cache:
         self,
         folder: str | os.PathLike[str] | None = None,
         *,
-        limit: int = FOLDER_LIMIT,
+        limit: int = VERDICT_FILES.limit,
         note: Callable[[str], None] = lambda text: None,
     ) -> None:
-        self._folder = None if folder is None else Folder(os.fspath(folder), limit, note)
+        path = None if folder is None else os.fspath(folder)
+        self._folder = None if path is None else FolderStore(path, VERDICT_FILES, limit, note)
         self._version = "" if folder is None else version_in_use()
-        memory = Memory()
-        storage = memory if self._folder is None else Layered(memory, self._folder)
-        self._verdicts = VerdictCache(storage, note)
+        memory = MemoryStore()
+        store = memory if self._folder is None else LayeredStore(memory, self._folder)
+        self._verdicts = VerdictCache(store, note)
 
     def looked_up(
         self,
@@ -85,12 +86,12 @@ class Cache:
         return FolderUse(0, 0) if self._folder is None else self._folder.clear()
 
 
-def kept_code(*, clear: bool = False) -> MachineFiles:
+def kept_code(*, clear: bool = False) -> FolderUse:
     """How much machine code of simulations is kept in the usual folder; removed if asked for."""
-    folder = machine_folder()
-    if folder is None:
-        return MachineFiles(0, 0)
-    return folder.clear() if clear else folder.use()
+    store = machine_store()
+    if store is None:
+        return FolderUse(0, 0)
+    return store.clear() if clear else store.use()
 
 
 @once

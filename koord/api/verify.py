@@ -61,7 +61,7 @@ _NEEDED = (
     "koord.verify.engines.explicit.liveness_engine",
     "koord.verify.engines.explicit.second_look",
     "koord.verify.engines.horn.engine",
-    "koord.verify.cache.folder",
+    "koord.verify.cache.kept",
     "koord.verify.cache.verifying",
     "koord.verify.lasso_witness",
     "koord.verify.certificates",

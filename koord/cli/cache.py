@@ -47,7 +47,7 @@ def main(arguments: argparse.Namespace) -> int:
     entries = "entry" if use.entries == 1 else "entries"
     removed = "removed " if arguments.clear else ""
     print(f"{visible(folder)}: {removed}{use.entries:,} {entries}, {use.size / 2**20:.1f} MiB")
-    if code.files:
-        files = "file" if code.files == 1 else "files"
-        print(f"machine code: {removed}{code.files:,} {files}, {code.size / 2**20:.1f} MiB")
+    if code.entries:
+        files = "file" if code.entries == 1 else "files"
+        print(f"machine code: {removed}{code.entries:,} {files}, {code.size / 2**20:.1f} MiB")
     return Exit.OK

@@ -20,11 +20,16 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 import numpy as np
 from msgspec import Struct
 
-from koord.machine.folder import machine_folder
 from koord.machine.processor import processor
+from koord.stores.folder import FileForm, FolderStore, is_switched_off, usual_folder
 
 if TYPE_CHECKING:
     from koord.machine.code import Ir
+
+#: How machine code is kept in a folder.
+CODE_FILES = FileForm(
+    "piece of machine code", b"koord-machine-2", "code", 64 * 2**20, 64 * 2**20, is_run=True
+)
 
 #: The rooms whose files machine code may hang on.
 _ROOMS = ("machine", "runtime", "sim", "syntax")
@@ -77,6 +82,16 @@ class Shared:
         return cast("Callable[..., int]", type_((name, self._library)))
 
 
+def machine_store() -> FolderStore | None:
+    """The store of machine code; None if none is kept."""
+    if is_switched_off() or not hasattr(os, "memfd_create"):
+        return None
+    try:
+        return FolderStore(os.path.join(usual_folder(), "machine"), CODE_FILES)
+    except RuntimeError:  # nobody's home
+        return None
+
+
 def kept(name: str, of: tuple[object, ...], make: Callable[[], Ir]) -> Compiled:
     """Load the machine code of a module that ``make`` writes of some values.
 
@@ -90,10 +105,10 @@ def kept(name: str, of: tuple[object, ...], make: Callable[[], Ir]) -> Compiled:
 
 def find(key: str | None) -> KeptCode | None:
     """Load what is kept under a key."""
-    folder = machine_folder() if key is not None else None
-    if key is None or folder is None:
+    store = machine_store() if key is not None else None
+    if key is None or store is None:
         return None
-    data = folder.get(key)
+    data = store.get(key)
     if data is None:
         return None
     (size,) = _HEAD.unpack_from(data)
@@ -106,8 +121,8 @@ def find(key: str | None) -> KeptCode | None:
 
 def is_kept(key: str | None) -> bool:
     """Return whether something is kept under a key; it may turn out that it does not load."""
-    folder = machine_folder() if key is not None else None
-    return key is not None and folder is not None and folder.has(key)
+    store = machine_store() if key is not None else None
+    return key is not None and store is not None and store.has(key)
 
 
 def keep(key: str | None, module: Ir, about: bytes = b"", *, hasty: bool = False) -> Compiled:
@@ -117,8 +132,8 @@ def keep(key: str | None, module: Ir, about: bytes = b"", *, hasty: bool = False
     """
     from koord.machine.code import Loaded, object_of
 
-    folder, linker = machine_folder(), _linker()
-    if key is None or folder is None or linker is None:
+    store, linker = machine_store(), _linker()
+    if key is None or store is None or linker is None:
         return Loaded(module, hasty=hasty)
     linked = _linked(linker, object_of(module, hasty=hasty))
     if linked is None:
@@ -127,8 +142,8 @@ def keep(key: str | None, module: Ir, about: bytes = b"", *, hasty: bool = False
         code = Shared(linked)
     except OSError:
         return Loaded(module, hasty=hasty)
-    if folder.put(key, b"".join((_HEAD.pack(len(about)), about, linked))):
-        _NEWS.append(folder.path)
+    if store.put(key, b"".join((_HEAD.pack(len(about)), about, linked))):
+        _NEWS.append(store.path)
     return code
 
 

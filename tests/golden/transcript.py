@@ -58,7 +58,7 @@ def _played(command: Command, documents: list[tuple[str, Any]]) -> Iterator[str]
     with (
         patch.object(sys, "stdin", stdin),
         # What is said of machine code depends on what was made in this process before.
-        patch("koord.machine.kept.machine_folder", return_value=None),
+        patch("koord.machine.kept.machine_store", return_value=None),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
     ):

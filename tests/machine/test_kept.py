@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -22,13 +21,22 @@ from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.machine import kept as keeping
 from koord.machine.code import I64, Code, Ir, Loaded, new_module, word
-from koord.machine.folder import MachineFolder, machine_folder
-from koord.machine.kept import Shared, find, is_kept, keep, kept, key_of, newly_kept
+from koord.machine.kept import (
+    Shared,
+    find,
+    is_kept,
+    keep,
+    kept,
+    key_of,
+    machine_store,
+    newly_kept,
+)
 from koord.machine.processor import abilities
 from koord.runtime.compile.machine.kept_turns import kept_turns, key_of_turns
 from koord.runtime.compile.machine.lazy import LazyTurns
 from koord.runtime.compile.watching import watched
 from koord.runtime.motion.bodies import Car
+from koord.stores.folder import FolderStore
 from koord.syntax.core import Program
 from tests.runtime.column_twins import program_of
 from tests.runtime.test_claims_by_code import CLAIMS, HOLDING
@@ -62,10 +70,10 @@ invariant Few: visited <= 50
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MachineFolder:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FolderStore:
     monkeypatch.setenv("KOORD_CACHE", str(tmp_path / "kept"))
     newly_kept()
-    found = machine_folder()
+    found = machine_store()
     assert found is not None
     return found
 
@@ -81,19 +89,19 @@ def refused() -> NoReturn:
     raise AssertionError("this is made anew")
 
 
-def test_code_is_made_once(folder: MachineFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_code_is_made_once(folder: FolderStore, monkeypatch: pytest.MonkeyPatch) -> None:
     assert kept("tripling", (3,), tripling).function("times", 1)(14) == 42
     assert newly_kept() == folder.path
-    assert folder.use().files == 1
+    assert folder.use().entries == 1
     found = kept("tripling", (3,), refused)
     assert isinstance(found, Shared)
     assert found.function("times", 1)(-5) == -15
     assert newly_kept() == ""
-    assert folder.clear().files == 1
+    assert folder.clear().entries == 1
     assert not Path(folder.path).exists()
 
 
-def test_code_of_other_values_is_other_code(folder: MachineFolder) -> None:
+def test_code_of_other_values_is_other_code(folder: FolderStore) -> None:
     one = kept("tripling", (3,), lambda: tripling(3)).function("times", 1)
     other = kept("tripling", (4,), lambda: tripling(4)).function("times", 1)
     assert (one(10), other(10)) == (30, 40)
@@ -150,7 +158,10 @@ def _damaged(path: Path) -> None:
 
 def _moved(path: Path) -> None:
     key = key_of("tripling", 4)
-    path.rename(path.with_name(f"{key}.code"))
+    assert key is not None
+    place = path.parents[1] / key[:2] / f"{key[2:]}.code"
+    place.parent.mkdir(mode=0o700)
+    path.rename(place)
 
 
 @pytest.mark.parametrize(
@@ -160,14 +171,15 @@ def _moved(path: Path) -> None:
         _moved,
         lambda path: path.chmod(0o622),
         lambda path: path.parent.chmod(0o777),
+        lambda path: path.parents[1].chmod(0o777),
         lambda path: path.write_bytes(b""),
     ],
 )
 def test_what_may_be_somebody_elses_is_never_loaded(
-    folder: MachineFolder, spoil: Callable[[Path], None]
+    folder: FolderStore, spoil: Callable[[Path], None]
 ) -> None:
     keep(key := key_of("tripling", 3), tripling())
-    (file,) = Path(folder.path).iterdir()
+    (file,) = Path(folder.path).rglob("*.code")
     assert find(key) is not None
     spoil(file)
     assert find(key) is None
@@ -175,9 +187,9 @@ def test_what_may_be_somebody_elses_is_never_loaded(
     Path(folder.path).chmod(0o700)
 
 
-def test_links_are_not_followed(folder: MachineFolder, tmp_path: Path) -> None:
+def test_links_are_not_followed(folder: FolderStore, tmp_path: Path) -> None:
     keep(key := key_of("tripling", 3), tripling())
-    (file,) = Path(folder.path).iterdir()
+    (file,) = Path(folder.path).rglob("*.code")
     elsewhere = file.rename(tmp_path / "elsewhere")
     file.symlink_to(elsewhere)
     assert find(key) is None
@@ -185,7 +197,7 @@ def test_links_are_not_followed(folder: MachineFolder, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("why", ["off", "linker", "read-only"])
 def test_what_cannot_be_kept_runs_all_the_same(
-    folder: MachineFolder, why: str, monkeypatch: pytest.MonkeyPatch
+    folder: FolderStore, why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     match why:
         case "off":
@@ -193,23 +205,12 @@ def test_what_cannot_be_kept_runs_all_the_same(
         case "linker":
             monkeypatch.setattr(keeping, "_linker", lambda: None)
         case _:
-            monkeypatch.setattr(MachineFolder, "put", lambda *_: False)
+            monkeypatch.setattr(FolderStore, "put", lambda *_: False)
     code = keep(key_of("tripling", 3), tripling())
     assert code.function("times", 1)(14) == 42
     assert isinstance(code, Loaded) == (why != "read-only")
     assert not Path(folder.path).exists()
     assert newly_kept() == ""
-
-
-def test_old_code_makes_room(folder: MachineFolder, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("koord.machine.folder._MOST", 1000)
-    for number in range(4):
-        key = f"{number:064x}"
-        assert folder.put(key, b"x" * 300)
-        os.utime(Path(folder.path) / f"{key}.code", ns=(number, number))
-    assert folder.get(f"{0:064x}") is None
-    assert folder.get(f"{3:064x}") == b"x" * 300
-    assert folder.use().size <= 1000
 
 
 # --- programs -------------------------------------------------------------------------------------
@@ -221,7 +222,7 @@ def made(text: str) -> tuple[Program, LazyTurns]:
 
 
 def test_turns_are_kept_with_what_is_to_be_known_of_them(
-    folder: MachineFolder, monkeypatch: pytest.MonkeyPatch
+    folder: FolderStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _, first = made(HOLDING + CLAIMS)
     assert first.worth_turns > 1_000
@@ -251,7 +252,7 @@ def test_turns_are_kept_with_what_is_to_be_known_of_them(
             ]
 
 
-def test_turns_of_other_claims_are_made_anew(folder: MachineFolder) -> None:
+def test_turns_of_other_claims_are_made_anew(folder: FolderStore) -> None:
     program = program_of(HOLDING + CLAIMS)
     LazyTurns(program, watched(program, Fraction(0)))()
     assert is_kept(key_of_turns(program, watched(program, Fraction(0))))
@@ -291,7 +292,7 @@ def run() -> list[str]:
 
 
 def test_runs_with_kept_code_are_those_without(
-    folder: MachineFolder, monkeypatch: pytest.MonkeyPatch
+    folder: FolderStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first, again = run(), run()
     monkeypatch.setenv("KOORD_CACHE", "off")
@@ -303,7 +304,7 @@ def test_runs_with_kept_code_are_those_without(
 
 
 def test_users_are_told_of_it_and_can_be_rid_of_it(
-    folder: MachineFolder, capsys: pytest.CaptureFixture[str]
+    folder: FolderStore, capsys: pytest.CaptureFixture[str]
 ) -> None:
     keep(key_of("tripling", 3), tripling())
     assert main(["cache"]) == Exit.OK

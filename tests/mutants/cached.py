@@ -9,7 +9,7 @@ MANY = "tests/verify/strategy/test_many_robots.py"
 KEPT = "tests/verify/cache/test_kept.py"
 LIKELY = "tests/verify/cache/test_likely.py"
 ORDERS = "tests/verify/cache/test_orders.py"
-FOLDER = "tests/verify/cache/test_folder.py"
+FOLDER = "tests/stores/test_folder.py"
 SUBSTANCE = "tests/verify/cache/test_substance.py"
 REACHING = "tests/verify/vacuity/test_reaching_runs.py"
 
@@ -135,21 +135,21 @@ CACHED = (
     ),
     Mutant(
         "cache: checksums are not compared",
-        "verify.cache.folder._checked",
-        "magic != _MAGIC or checksum != _checksum(data, key)",
-        "magic != _MAGIC",
+        "stores.folder.FolderStore._checked",
+        "magic != self._form.magic or checksum != _checksum(data, key)",
+        "magic != self._form.magic",
         (FOLDER,),
     ),
     Mutant(
         "cache: a checksum is of the data alone",
-        "verify.cache.folder._checksum",
+        "stores.folder._checksum",
         'key.encode("ascii") + data',
         "data",
         (FOLDER,),
     ),
     Mutant(
         "cache: links are followed",
-        "verify.cache.folder._read",
+        "stores.folder.FolderStore._read",
         'os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)',
         "os.O_RDONLY",
         (FOLDER,),

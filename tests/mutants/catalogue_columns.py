@@ -347,15 +347,8 @@ COLUMNS = (
         (KEPT,),
     ),
     Mutant(
-        "damaged machine code is loaded",
-        "machine.folder._checked",
-        "raw[:begin] == _MAGIC + _checksum(data, key)",
-        "raw",
-        (KEPT,),
-    ),
-    Mutant(
         "machine code is loaded that anybody may write",
-        "machine.folder._is_ours",
+        "stores.folder._is_ours",
         "not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)",
         "True",
         (KEPT,),

@@ -13,12 +13,13 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.semantics.rounds import IllegalStepError
+from koord.stores.folder import FileForm
+from koord.stores.store import Store
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
 from koord.verify.cache.codec import CodecError, plain, revived
 from koord.verify.cache.dependence import Dependences, Names
 from koord.verify.cache.forms import Form, digest
-from koord.verify.cache.storage import Storage
 from koord.verify.claims import NO_FAULT, Claim, ClaimKind
 from koord.verify.engine_names import Engine
 from koord.verify.verdicts import (
@@ -31,6 +32,9 @@ from koord.verify.verdicts import (
     Vacuity,
     Verdict,
 )
+
+#: How verdicts are kept in a folder.
+VERDICT_FILES = FileForm("verdict", b"koord-verdict-2", "json", 64 * 2**20, 4 * 2**20)
 
 #: So many verdicts are kept on claims that are written alike, of different programs: who goes back
 #: to what the text was before finds what was known of it.
@@ -54,12 +58,12 @@ class Known(Struct, frozen=True):
 
 
 class VerdictCache(Struct, frozen=True):
-    """A cache of verdicts in some storage.
+    """A cache of verdicts in some store.
 
     ``note`` is told of entries that are damaged, which are removed.
     """
 
-    storage: Storage
+    store: Store
     note: Callable[[str], None] = lambda text: None
 
     def known(self, dependences: Dependences) -> dict[Claim, Known]:
@@ -244,7 +248,7 @@ class VerdictCache(Struct, frozen=True):
     # --- data -----------------------------------------------------------------------------------
 
     def _read(self, key: str) -> dict[str, Any] | None:
-        raw = self.storage.get(key)
+        raw = self.store.get(key)
         if raw is None:
             return None
         import json
@@ -261,10 +265,10 @@ class VerdictCache(Struct, frozen=True):
     def _write(self, key: str, data: Mapping[str, object]) -> None:
         import json
 
-        self.storage.put(key, json.dumps(data, separators=(",", ":")).encode("ascii"))
+        self.store.put(key, json.dumps(data, separators=(",", ":")).encode("ascii"))
 
     def _damaged(self, key: str) -> None:
-        self.storage.drop(key)
+        self.store.drop(key)
         self.note(f"a kept verdict is damaged, and was removed: {key}")
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
+from koord.stores.store import MemoryStore
 from koord.syntax.system import System
 from koord.verify.cache.dependence import Dependences, Question
 from koord.verify.cache.kept import VerdictCache
-from koord.verify.cache.storage import Memory
 from koord.verify.cache.verifying import CachedVerification
 from koord.verify.engine_names import Engine
 from koord.verify.strategy.verification import verify
@@ -17,7 +17,7 @@ SHORT = Bounds(rounds=4)
 
 
 def new_cache() -> VerdictCache:
-    return VerdictCache(Memory())
+    return VerdictCache(MemoryStore())
 
 
 def verified(

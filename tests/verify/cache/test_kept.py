@@ -9,10 +9,10 @@ from random import Random
 import pytest
 from msgspec.structs import replace
 
+from koord.stores.store import MemoryStore
 from koord.syntax.system import System, dealt
 from koord.verify.cache.dependence import Dependences, Question
 from koord.verify.cache.kept import VerdictCache
-from koord.verify.cache.storage import Memory
 from koord.verify.cache.verifying import CachedVerification
 from koord.verify.claims import ClaimKind
 from koord.verify.engine_names import Engine
@@ -321,7 +321,7 @@ def test_the_whole_program_counts_where_more_than_a_slice_was_asked() -> None:
     report = verify(system, SHORT)
     cache = new_cache()
     cache.keep(found, replace(report, of_slice=False), SHORT)
-    (entry,) = json.loads(cache.storage.get(found.asked(claim)) or b"")["alike"]
+    (entry,) = json.loads(cache.store.get(found.asked(claim)) or b"")["alike"]
     assert tuple(entry["names"]) == whole
 
 
@@ -390,14 +390,14 @@ def test_runs_that_reach_goals_are_known_of_whatever_becomes_of_a_program() -> N
 
 def test_runs_that_are_damaged_are_forgotten() -> None:
     notes: list[str] = []
-    cache = VerdictCache(Memory(), notes.append)
+    cache = VerdictCache(MemoryStore(), notes.append)
     verified(cache, of(TEXT))
     found = dependences(of(TEXT))
-    cache.storage.put(found.lineage, b'{"runs": [{"struct": "os.system"}]}')
+    cache.store.put(found.lineage, b'{"runs": [{"struct": "os.system"}]}')
     assert not cache.reaching(found)
-    assert cache.storage.get(found.lineage) is None
+    assert cache.store.get(found.lineage) is None
     assert notes
-    cache.storage.put(found.lineage, b'{"runs": [7]}')
+    cache.store.put(found.lineage, b'{"runs": [7]}')
     assert not cache.reaching(found)
 
 
@@ -416,10 +416,10 @@ def test_entries_that_are_damaged_are_found_out_anew() -> None:
         b'{"alike": [{}]}',
         b'{"alike": [{"names": [], "key": "x", "layout": null, "verdict": 1}]}',
     ):
-        cache = VerdictCache(Memory(), notes.append)
+        cache = VerdictCache(MemoryStore(), notes.append)
         verified(cache, system)
         for claim in found.claims:
-            cache.storage.put(found.asked(claim), damage)
+            cache.store.put(found.asked(claim), damage)
         again = verified(cache, system)
         assert not kept(again)
         assert outcomes(again) == expected
@@ -431,10 +431,10 @@ def test_what_is_kept_of_a_claim_is_nothing_else_than_a_verdict() -> None:
     verified(cache, system)
     found = dependences(system)
     claim = next(c for c in found.claims if c.kind is ClaimKind.PROPERTY)
-    data = json.loads(cache.storage.get(found.asked(claim)) or b"")
+    data = json.loads(cache.store.get(found.asked(claim)) or b"")
     wrong: object
     for wrong in (7, "holds", {"struct": "verdicts.Verdict"}, {"struct": "os.system"}, []):
         data["alike"][0]["verdict"] = wrong
-        cache.storage.put(found.asked(claim), json.dumps(data).encode())
+        cache.store.put(found.asked(claim), json.dumps(data).encode())
         assert claim not in cache.known(found)
-        cache.storage.put(found.asked(claim), json.dumps(data).encode())
+        cache.store.put(found.asked(claim), json.dumps(data).encode())

@@ -1,4 +1,4 @@
-"""Storages: a folder of files that several processes use, and memory."""
+"""Stores: a folder of files that several processes use, and memory."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from koord.verify.cache.folder import Folder
+from koord.stores.folder import FileForm, FolderStore
+from koord.stores.store import LayeredStore, MemoryStore
 from koord.verify.cache.forms import digest
-from koord.verify.cache.storage import Layered, Memory
+
+FORM = FileForm("verdict", b"koord-verdict-1", "json", 64 * 2**20, 4 * 2**20)
 
 KEY, OTHER = digest("key"), digest("other")
 
@@ -24,9 +26,9 @@ def entry(folder: Path) -> Path:
 
 def test_what_was_put_into_a_folder_is_found_by_others(tmp_path: Path) -> None:
     folder = tmp_path / "made" / "here"
-    Folder(str(folder)).put(KEY, b"data")
-    assert Folder(str(folder)).get(KEY) == b"data"
-    assert Folder(str(folder)).get(OTHER) is None
+    FolderStore(str(folder), FORM).put(KEY, b"data")
+    assert FolderStore(str(folder), FORM).get(KEY) == b"data"
+    assert FolderStore(str(folder), FORM).get(OTHER) is None
     assert stat.S_IMODE((folder / KEY[:2]).stat().st_mode) == 0o700
 
 
@@ -49,7 +51,7 @@ def test_a_damaged_entry_is_removed_and_told_of(
     tmp_path: Path, damage: Callable[[bytes], bytes]
 ) -> None:
     notes: list[str] = []
-    folder = Folder(str(tmp_path), note=notes.append)
+    folder = FolderStore(str(tmp_path), FORM, note=notes.append)
     folder.put(KEY, b"data")
     path = entry(tmp_path)
     path.write_bytes(damage(path.read_bytes()))
@@ -59,7 +61,7 @@ def test_a_damaged_entry_is_removed_and_told_of(
 
 
 def test_an_entry_in_the_place_of_another_is_none(tmp_path: Path) -> None:
-    folder = Folder(str(tmp_path))
+    folder = FolderStore(str(tmp_path), FORM)
     folder.put(KEY, b"data")
     folder.put(OTHER, b"other")
     place = tmp_path / OTHER[:2] / f"{OTHER[2:]}.json"
@@ -69,7 +71,7 @@ def test_an_entry_in_the_place_of_another_is_none(tmp_path: Path) -> None:
 
 
 def test_a_link_in_the_place_of_an_entry_is_not_followed(tmp_path: Path) -> None:
-    folder = Folder(str(tmp_path / "cache"))
+    folder = FolderStore(str(tmp_path / "cache"), FORM)
     folder.put(KEY, b"data")
     path = entry(tmp_path / "cache")
     target = tmp_path / "elsewhere"
@@ -81,7 +83,7 @@ def test_a_link_in_the_place_of_an_entry_is_not_followed(tmp_path: Path) -> None
 
 
 def test_what_was_not_used_for_longest_is_left_out(tmp_path: Path) -> None:
-    folder = Folder(str(tmp_path), limit=4_000)
+    folder = FolderStore(str(tmp_path), FORM, limit=4_000)
     keys = [digest(str(number)) for number in range(6)]
     for number, key in enumerate(keys):
         folder.put(key, bytes(800))
@@ -90,20 +92,20 @@ def test_what_was_not_used_for_longest_is_left_out(tmp_path: Path) -> None:
             os.utime(place, ns=(number, number))
         if number == 3:
             assert folder.get(keys[0]) is not None  # used last of all
-    there = [key for key in keys if Folder(str(tmp_path)).get(key) is not None]
+    there = [key for key in keys if FolderStore(str(tmp_path), FORM).get(key) is not None]
     assert keys[0] in there
     assert keys[1] not in there
     assert folder.use().size <= 4_000
 
 
 def test_an_entry_beyond_the_limit_is_not_kept(tmp_path: Path) -> None:
-    folder = Folder(str(tmp_path), limit=100)
+    folder = FolderStore(str(tmp_path), FORM, limit=100)
     folder.put(KEY, bytes(200))
     assert folder.use().entries == 0
 
 
 def test_clearing_leaves_other_files_alone(tmp_path: Path) -> None:
-    folder = Folder(str(tmp_path))
+    folder = FolderStore(str(tmp_path), FORM)
     folder.put(KEY, b"data")
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / KEY[:2] / "notes.json").write_text("mine")
@@ -117,7 +119,7 @@ def test_clearing_leaves_other_files_alone(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_written_costs_a_note(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
     notes: list[str] = []
-    folder = Folder(str(tmp_path / "file"), note=notes.append)
+    folder = FolderStore(str(tmp_path / "file"), FORM, note=notes.append)
     folder.put(KEY, b"data")
     folder.put(OTHER, b"data")
     assert folder.get(KEY) is None
@@ -129,7 +131,7 @@ def test_many_at_once_read_whole_entries_or_none(tmp_path: Path) -> None:
     texts = {bytes([65 + k]) * (500 + k) for k in range(8)}
 
     def work(data: bytes) -> bool:
-        folder = Folder(str(tmp_path), limit=20_000)
+        folder = FolderStore(str(tmp_path), FORM, limit=20_000)
         for _ in range(30):
             folder.put(KEY, data)
             if (found := folder.get(KEY)) is not None and found not in texts:
@@ -138,11 +140,11 @@ def test_many_at_once_read_whole_entries_or_none(tmp_path: Path) -> None:
 
     with ThreadPoolExecutor(8) as pool:
         assert all(pool.map(work, texts))
-    assert Folder(str(tmp_path)).get(KEY) in texts
+    assert FolderStore(str(tmp_path), FORM).get(KEY) in texts
 
 
 def test_memory_keeps_what_was_used_last() -> None:
-    memory = Memory(limit=10)
+    memory = MemoryStore(limit=10)
     memory.put("a", b"1234")
     memory.put("b", b"1234")
     assert memory.get("a") == b"1234"
@@ -155,8 +157,8 @@ def test_memory_keeps_what_was_used_last() -> None:
 
 
 def test_memory_before_a_folder_is_filled_from_it(tmp_path: Path) -> None:
-    Folder(str(tmp_path)).put(KEY, b"data")
-    layered = Layered(Memory(), Folder(str(tmp_path)))
+    FolderStore(str(tmp_path), FORM).put(KEY, b"data")
+    layered = LayeredStore(MemoryStore(), FolderStore(str(tmp_path), FORM))
     assert layered.get(KEY) == b"data"
     entry(tmp_path).unlink()
     assert layered.get(KEY) == b"data"
