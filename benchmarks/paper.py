@@ -137,7 +137,12 @@ def task(report: Report) -> None:
         Column("nearest_m", "nearest m"),
         Column("safety_m", "safe m"),
         Column("broken", "broken", 0),
+        Column("packets", "packets received, a robot and s", 1),
+        Column("bytes", "bytes", 0),
         Column("cpu_s", "CPU s a run"),
+        Column("factor", "× real time", 1),
+        Column("memory_mib", "MiB", 0),
+        Column("threads", "threads", 0),
         *LIMITS,
     )
     runs = 3 if report.quick else 30
@@ -159,6 +164,7 @@ def task(report: Report) -> None:
         cpu_s = done.cpu_s / runs
         row: dict[str, Cell] = {"robots": robots, "runs": runs, "done": whole, "paper_s": paper_s}
         row |= {"broken": broken, "cpu_s": cpu_s, **limited(cpu_s, TASK_S, "s CPU")}
+        row |= _needed(found["runs"], robots)
         if times:
             means[robots], row["spread_s"] = _interval(times)
             row |= {"mean_s": means[robots], "least_s": min(times), "most_s": max(times)}
@@ -170,6 +176,18 @@ def task(report: Report) -> None:
         table.rows.append(row)
     if {3, 4} <= set(means) and not report.quick:
         report.expect(means[4] < means[3], "Task: 4 robots are not quicker than 3")
+
+
+def _needed(runs: Sequence[dict[str, Any]], robots: int) -> dict[str, Cell]:
+    """What runs sent and needed; memory and threads are those of the process that made them."""
+    time_s = sum(run["time_s"] for run in runs)
+    return {
+        "packets": sum(run["packets_received"] for run in runs) / robots / time_s,
+        "bytes": sum(run["bytes_received"] for run in runs) / robots / time_s,
+        "factor": time_s / sum(run["wall_s"] for run in runs),
+        "memory_mib": max(run["memory_mib"] for run in runs),
+        "threads": max(run["threads"] for run in runs),
+    }
 
 
 def _interval(values: Sequence[float]) -> tuple[float, float]:

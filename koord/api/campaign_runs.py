@@ -25,6 +25,7 @@ from koord.api.fitting import FitRequest
 from koord.api.reseeding import Reseeding
 from koord.api.sim_setup import begin, check_begun, limit_s, simulation
 from koord.sim.running import Simulation, run
+from koord.sim.traffic import TrafficMeter
 from koord.syntax.diagnostics import refusal
 
 _FAULT = "fault"
@@ -50,6 +51,10 @@ class Row(Struct, frozen=True):
     skips: int
     blocked: int
     messages: int
+    packets_sent: int  #: datagrams of all robots, one to all counted once
+    packets_received: int
+    bytes_sent: int  #: without the headers of the network
+    bytes_received: int
     broken: int
     stuck: int  #: robots that stand still at the end and should go
     digest: str
@@ -240,14 +245,16 @@ def row_of(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row |
         kernels=order.kernels,
     )
     began, begun_s = time.perf_counter(), time.thread_time()
-    made.begin()
+    meter = TrafficMeter(len(fitted.scene.robots))
+    meter.note(made.begin(), made.engine.proposed)
     check_begun(fitted, made)
-    for _ in run(made, limit_s(fitted, order.rounds, order.duration_s)):
+    for decision in run(made, limit_s(fitted, order.rounds, order.duration_s)):
+        meter.note(decision, made.engine.proposed)
         if is_enough():
             return None
     wall_s, cpu_s = time.perf_counter() - began, time.thread_time() - begun_s
     figures = made.figures()
-    robots = figures.robots
+    robots, sent = figures.robots, meter.traffic
     assert made.ending is not None
     return Row(
         order.swept,
@@ -267,6 +274,10 @@ def row_of(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row |
         sum(robot.skips for robot in robots),
         sum(robot.blocked for robot in robots),
         figures.messages,
+        sent.packets_sent,
+        sent.packets_received,
+        sent.bytes_sent,
+        sent.bytes_received,
         len(made.broken),
         len(made.standing),
         figures.digest,

@@ -104,6 +104,8 @@ class RoundEngine:
         self.round = 0  #: the one that is open or comes next
         self.ended: Ended | None = None
         self.shown: list[Shown] = []
+        #: What was proposed in the last round; who is not in it proposed nothing to do.
+        self.proposed: Mapping[int, Proposal] = {}
 
     @property
     def robots(self) -> list[Robot]:
@@ -141,7 +143,7 @@ class RoundEngine:
         for robot in self.robots:
             vars(robot).update(self.store.values)
         ranks = order if order is not None else range(len(self.robots))
-        proposals = {robot.pid: robot.propose_init() for robot in self.robots}
+        self.proposed = proposals = {robot.pid: robot.propose_init() for robot in self.robots}
         decision = decide(INIT_ROUND, proposals, ranks)
         self._act(decision)
         return decision
@@ -158,7 +160,7 @@ class RoundEngine:
     def program_turns(self, schedule: Schedule) -> Decision:
         """Run every robot's program turn. [SELECT] [ATOMIC] [END-PROG]"""
         ranks = schedule.order(self.round, len(self.robots))
-        proposals = self._proposed(schedule)
+        self.proposed = proposals = self._proposed(schedule)
         heard = {i: p for i, p in proposals.items() if p.urgent or schedule.hears(p)}
         decision = decide(self.round, heard, ranks)
         self._act(decision)

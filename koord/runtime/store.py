@@ -13,7 +13,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from koord.runtime.proposals import Plain, Write
+from koord.runtime.proposals import INIT_ROUND, Plain, Write
 from koord.runtime.shapes import (
     Array,
     Enumeration,
@@ -32,6 +32,11 @@ from koord.runtime.shapes import Mapping as MapShape
 
 #: Bytes of a digest: enough that two stores with one digest are one store.
 DIGEST_BYTES = 16
+
+
+def is_digested(round_: int, robots: int) -> bool:
+    """Return whether a decision of so many robots has the store's digest: now and then it has."""
+    return round_ != INIT_ROUND and round_ % (1 + robots // 16) == 0
 
 
 class Shared(Struct, frozen=True):

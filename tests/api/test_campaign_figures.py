@@ -31,8 +31,8 @@ from koord.syntax.source import Source
 from tests.sampling import first
 
 PLAIN = Row(
-    *("", 2, "", 0, "stopped", 1.0, 0, 0, None, 1.0, None, 0.5, 0.0, 0, 0, 0, 0, 0, 0, ""),
-    *(0.0, 0.0, 1.0, 1),
+    *("", 2, "", 0, "stopped", 1.0, 0, 0, None, 1.0, None, 0.5, 0.0, 0, 0, 0, 0),
+    *(0, 0, 0, 0, 0, 0, "", 0.0, 0.0, 1.0, 1),
 )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ COLUMNS = "tests/sim/test_columns.py"
 STANDING = "tests/cli/test_standing.py"
 CONFIG = "tests/cli/test_config.py"
 CAMPAIGNS = "tests/cli/test_campaigns.py"
+TRAFFIC = "tests/sim/test_traffic.py"
 RESEEDED = "tests/api/test_reseeding.py"
 WORKERS = "tests/api/test_campaign_workers.py"
 FIGURES = "tests/api/test_campaign_figures.py"
@@ -359,6 +360,20 @@ SIMULATED = (
         "check_start(fitted)",
         "pass",
         (CONFIG,),
+    ),
+    Mutant(
+        "what robots would tell the coordinator is told to all",
+        "sim.traffic.TrafficMeter.note",
+        "so_far.packets_received + packets + many * told",
+        "so_far.packets_received + many * (packets + told)",
+        (TRAFFIC,),
+    ),
+    Mutant(
+        "rounds that were made at once have the proposals of the one before",
+        "runtime.columns.engine.ColumnEngine.pass_idle",
+        "self.proposed = {}",
+        "pass",
+        (TRAFFIC,),
     ),
     Mutant(
         "runs of any campaign go on in a file",

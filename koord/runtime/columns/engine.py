@@ -184,7 +184,7 @@ class ColumnEngine(RoundEngine):
         plain = _is_plain(schedule)
         ranks = self._rotated() if plain else schedule.order(self.round, len(self._robots))
         self._proposals(fleet, schedule, round_)
-        proposals = heard = round_.proposals
+        self.proposed = proposals = heard = round_.proposals
         self._had = [pid for pid in proposals if self._robots[pid].had_an_event]
         if not plain:
             heard = {i: p for i, p in proposals.items() if p.urgent or schedule.hears(p)}
@@ -267,6 +267,7 @@ class ColumnEngine(RoundEngine):
         assert self.fleet is not None
         self.round += rounds
         self.counts.by_code += rounds * len(self._robots)
+        self.proposed = {}
         self._decided, self._write = decision, write
 
     def judge(self, watched: Watched) -> CodeJudge | None:

@@ -52,7 +52,7 @@ from koord.runtime.protocol.messages import Beacon, LastRun, LogEntry, Tentative
 from koord.runtime.protocol.state import Durable
 from koord.runtime.robot import AnsweringHost, Robot, Status
 from koord.runtime.shapes import ShapeError, from_plain
-from koord.runtime.store import AgreedStore
+from koord.runtime.store import AgreedStore, is_digested
 
 _STATUSES = {StopRequests.TO_STOP: Status.STOPPED, StopRequests.TO_STOP_TOGETHER: Status.ASKED}
 
@@ -364,7 +364,7 @@ class Member:
         there = {robot: p for robot, p in enumerate(proposals) if p is not None}
         robots = len(proposals)
         decision = decide(round_, there, rotating(max(round_, 0), robots))
-        if round_ == INIT_ROUND or round_ % (1 + robots // 16) or decision.fault is not None:
+        if not is_digested(round_, robots) or decision.fault is not None:
             return decision
         try:
             after = self.store.digest_after(decision.writes)
