@@ -42,8 +42,9 @@ SPREAD: tuple[tuple[str, tuple[int, ...]], ...] = (
     ("shapeform", (9, 16)),
 )
 
-#: The arena of a run: drones stand in two rows, in their order along x.
-_ARENA = "world: {bounds: {low: [-10, -10, 0], high: [10, 10, 4]}}"
+#: Drones stand in two rows, in their order along x: over so many metres, or where those are many
+#: over more, so that so much is between one and the next.
+_WIDE_M, _LEAST_M = 18.0, 1.0
 
 #: Robots of Lineform in one process.
 TOGETHER = (4, 16, 64, 256, 1_024)
@@ -260,11 +261,25 @@ def _configuration(name: str, robots: int) -> str:
         return (EXAMPLES / f"shapeform{'' if robots == 16 else f'_{robots}'}.yaml").read_text(
             "utf-8"
         )
-    apart = 18.0 / (robots - 1)
-    places = (f"[{-9 + apart * k:.3f}, {2 * (k % 2)}, 1.5]" for k in range(robots))
+    half = _half_m(robots)
+    apart = 2 * half / (robots - 1)
+    places = (f"[{apart * k - half:.3f}, {2 * (k % 2)}, 1.5]" for k in range(robots))
     at = ", ".join(f"{k}: {place}" for k, place in enumerate(places))
     device = "device: {bot_name: drone, bot_type: QUAD, planner: STRAIGHT}"
-    return f"delta: {_DELTA_S}\nnum_robots: {robots}\n{device}\npositions: {{{at}}}\n{_ARENA}\n"
+    arena = f"world: {{bounds: {{low: [{-half - 1}, -10, 0], high: [{half + 1}, 10, 4]}}}}"
+    return f"delta: {_DELTA_S}\nnum_robots: {robots}\n{device}\npositions: {{{at}}}\n{arena}\n"
+
+
+def _half_m(robots: int) -> float:
+    """How far from the middle the first and the last of drones along x are."""
+    return max(_WIDE_M, _LEAST_M * (robots - 1)) / 2
+
+
+def _program(name: str, robots: int) -> str:
+    """The text of an example, whose box is as wide as the arena."""
+    text = (EXAMPLES / f"{name}.krd").read_text("utf-8")
+    wide = text.replace("pos(-10.0, ", f"pos({-_half_m(robots) - 1}, ")
+    return wide.replace("pos(10.0, ", f"pos({_half_m(robots) + 1}, ")
 
 
 def together(report: Report) -> None:
@@ -275,25 +290,30 @@ def together(report: Report) -> None:
         Column("robots", "robots", 0),
         *RESOURCES,
     )
-    for robots in TOGETHER[:2] if report.quick else TOGETHER:
-        note(f"lineform, {robots} robots")
-        made, found = _run(report, "lineform", robots)
-        if found is not None:
-            row: dict[str, Cell] = {"program": "lineform", "robots": robots}
-            factor = found["time_s"] / found["wall_s"]
-            table.rows.append({**row, **_resources(made, factor, robots)})
+    with tempfile.TemporaryDirectory() as folder:
+        for robots in TOGETHER[:2] if report.quick else TOGETHER:
+            note(f"lineform, {robots} robots")
+            made, found = _run(report, "lineform", robots, Path(folder))
+            if found is not None:
+                row: dict[str, Cell] = {"program": "lineform", "robots": robots}
+                factor = found["time_s"] / found["wall_s"]
+                table.rows.append({**row, **_resources(made, factor, robots)})
 
 
-def _run(report: Report, name: str, robots: int) -> tuple[Sampled, dict[str, Any] | None]:
+def _run(
+    report: Report, name: str, robots: int, folder: Path
+) -> tuple[Sampled, dict[str, Any] | None]:
     """A run in one process; None if it did not come to its end."""
-    files = [str(EXAMPLES / f"{name}.krd"), str(EXAMPLES / f"{name}.yaml")]
+    config = folder / f"{name}{robots}.yaml"
+    config.write_text(_configuration(name, robots), "utf-8")
+    program = folder / f"{name}{robots}.krd"
+    program.write_text(_program(name, robots), "utf-8")
     time_s = 3.0 if report.quick else RUN_S
-    told = ["--robots", str(robots), "--time", str(time_s), "--no-html", "--json", "--keep-going"]
-    made = sampled("sim", *files, *told)
-    is_right = report.expect(
-        made.output.startswith("{"), f"{name}, {robots} robots: {made.code}, {made.errors[-300:]}"
-    )
-    return made, json.loads(made.output) if is_right else None
+    told = ["--time", str(time_s), "--no-html", "--json", "--keep-going"]
+    made = sampled("sim", str(program), str(config), *told)
+    found = json.loads(made.output) if made.output.startswith("{") else {}
+    story = f"{name}, {robots} robots: {made.code}, {made.output[-300:]}{made.errors[-300:]}"
+    return made, found if report.expect(found.get("format") == "koord-simulated", story) else None
 
 
 def _resources(made: Sampled, factor: float, robots: int) -> dict[str, Cell]:
