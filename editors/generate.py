@@ -111,7 +111,8 @@ def vim() -> str:
     def keywords(group: str, words: Iterable[str]) -> str:
         return f"syn keyword {group} {' '.join(sorted(words))}"
 
-    signs = "\\|".join(re.escape(s).replace("/", "\\/") for s in vocabulary.SIGNS if s.isascii())
+    # very nomagic: all but `\\` stands for itself, so that `|`, `+`, `&`, `=` need no care
+    signs = "\\|".join(s.replace("/", "\\/") for s in vocabulary.SIGNS if s.isascii())
     lines = [
         '" Vim syntax of Koord, made by editors/generate.py: change that',
         "if exists('b:current_syntax')",
@@ -130,7 +131,7 @@ def vim() -> str:
         "syn match koordModifier /\\v<extern(\\s+fresh)?>|<at\\s+round>/",
         f"syn match koordBuiltin /\\v<({_any(vocabulary.FUNCTIONS)})>\\ze\\s*\\(/",
         f"syn match koordLibrary /\\v<({_any(library_names())})>\\ze\\s*\\(/",
-        f"syn match koordSign /{signs}/",
+        f"syn match koordSign /\\V{signs}/",
         "syn match koordNumber /\\v<\\d+(\\.\\d+)?([eE][+-]?\\d+)?>/",
         "syn match koordEvent /^\\h\\w*\\ze\\s*:/",
         'syn region koordString start=/"/ skip=/\\\\./ end=/"\\|$/',

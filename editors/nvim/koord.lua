@@ -1,15 +1,19 @@
 -- Neovim 0.11 and newer: put this into ~/.config/nvim/lsp/koord.lua, and say
 -- vim.lsp.enable("koord") in init.lua. The syntax is in ../vim.
+-- `:lua vim.lsp.codelens.run()` in a line with a broken claim opens the run that breaks it.
 return {
   cmd = { "koord", "lsp" },
   filetypes = { "koord" },
   root_markers = { ".git" },
   init_options = { verify = { on = "change" } },
   handlers = {
-    -- verdicts as signs in the gutter, and in a line below
+    -- verdicts as signs in the gutter, and as lenses above the claims
     ["koord/verdicts"] = function(_, told)
       local space = vim.api.nvim_create_namespace("koord")
       local buffer = vim.uri_to_bufnr(told.uri)
+      if not vim.api.nvim_buf_is_loaded(buffer) then
+        return
+      end
       vim.api.nvim_buf_clear_namespace(buffer, space, 0, -1)
       local signs = { holds = "✓", bounded = "✓", vacuous = "∅", violated = "✗", unknown = "?" }
       local groups = { violated = "DiagnosticError", vacuous = "DiagnosticWarn", unknown = "DiagnosticInfo" }
@@ -21,6 +25,7 @@ return {
           })
         end
       end
+      vim.lsp.codelens.refresh({ bufnr = buffer })
     end,
   },
 }

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 
 from msgspec import Struct
 
+from koord.api.param_places import param_place
 from koord.api.programs import CheckReport, Program, Text, Value, exact, source_of
 from koord.syntax.diagnostics import Diagnostic as Diagnostic
 from koord.syntax.diagnostics import Edit as Edit
@@ -51,7 +52,11 @@ from koord.syntax.source import normalise as normalise
 
 
 class Target(Struct, frozen=True):
-    """A place that a definition leads to. ``path`` is a file, empty for the text itself."""
+    """A place that a definition leads to.
+
+    ``path`` is a file of the library or of the specification; it is empty for a file of the
+    program, which the span names.
+    """
 
     path: str
     span: Span
@@ -61,20 +66,40 @@ class Document:
     r"""A text as it is now, with or without mistakes: what its names mean, what could stand where.
 
     Places are lines and columns that count characters from 1, as in :class:`koord.Span`; what is
-    told about them is found out once and kept. Threads may ask, one at a time.
+    told about them is found out once and kept. Threads may ask, one at a time. A program may have
+    more files: of properties, and configurations that give values to its params. Places that are
+    asked about are those of ``source``; references and renamings go through all files.
 
     >>> document = koord.document(koord.Source("a.krd", "local:\\n    int x = 0\\n"))
     >>> document.hover(2, 9).markdown.splitlines()[1]
     'local int x = 0'
     """
 
-    def __init__(self, source: Source, settings: Settings, properties: tuple[Source, ...]) -> None:
-        self._model = SemanticModel(source, settings, properties)
+    def __init__(
+        self,
+        source: Source,
+        settings: Settings,
+        properties: tuple[Source, ...],
+        shown: str = "",
+        configurations: tuple[Source, ...] = (),
+    ) -> None:
+        self._model = SemanticModel(source, settings, properties, shown)
+        self._configurations = configurations
 
     @property
     def source(self) -> Source:
-        """The text."""
+        """The text that is asked about."""
         return self._model.source
+
+    @property
+    def files(self) -> tuple[Source, ...]:
+        """All files: the program's own text, those of properties, configurations."""
+        return (*self._model.files, *self._configurations)
+
+    @property
+    def is_main(self) -> bool:
+        """Whether the text that is asked about is the program's own."""
+        return self._model.source is self._model.files[0]
 
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
@@ -93,9 +118,9 @@ class Document:
         program = None
         if model.program is not None:
             program = Program(
-                model.source, model.program, model.settings, model.properties, model.diagnostics
+                model.files[0], model.program, model.settings, model.properties, model.diagnostics
             )
-        return CheckReport(model.source, model.properties, model.diagnostics, program)
+        return CheckReport(model.files[0], model.properties, model.diagnostics, program)
 
     @property
     def symbols(self) -> tuple[Symbol, ...]:
@@ -107,7 +132,7 @@ class Document:
         return hover(self._model, line, column)
 
     def definition(self, line: int, column: int) -> Target | None:
-        """The place where the name there is declared: in the text, or in the library.
+        """The place where the name there is declared: in the program, or in the library.
 
         Of a word of the language it is the rule that says what the word means, where the
         specification is at hand.
@@ -120,19 +145,19 @@ class Document:
             return None if known is None else rule_target(known.rule)
         if name_span.file == LIBRARY:
             return Target(library_path(), name_span)
-        own = name_span.file == self.source.name
-        return Target("" if own else name_span.file, name_span)
+        return Target("", name_span)
 
     def references(self, line: int, column: int, *, declaration: bool = True) -> tuple[Span, ...]:
-        """The places of the text where the symbol there is named, perhaps where it is declared."""
+        """The places of all files where the symbol there is named, perhaps its declaration."""
         found = self._model.at(line, column)
         if found is None:
             return ()
-        return tuple(
+        named = [
             each.span
             for each in self._model.occurrences_of(found.symbol)
             if declaration or not each.is_declaration
-        )
+        ]
+        return (*named, *self._configured(found.symbol))
 
     def renamable(self, line: int, column: int) -> Span | str:
         """The place of the name there; if it cannot be renamed, why."""
@@ -141,7 +166,20 @@ class Document:
 
     def rename(self, line: int, column: int, name: str) -> Renaming:
         """The edits that give the symbol there another name, if it can have that."""
-        return renamed(self._model, line, column, name)
+        found = renamed(self._model, line, column, name)
+        here = None if found.refused else self._model.at(line, column)
+        if here is None:
+            return found
+        more = tuple(Edit(span, name) for span in self._configured(here.symbol))
+        return Renaming((*found.edits, *more))
+
+    def _configured(self, symbol: Symbol) -> Iterator[Span]:
+        """Where configurations give a value to a param of the program."""
+        if symbol.kind is SymbolKind.PARAM and not symbol.in_library:
+            for source in self._configurations:
+                place = param_place(source, symbol.name)
+                if place is not None:
+                    yield place
 
     def completions(self, line: int, column: int) -> Completions:
         """What could stand at a place."""
@@ -173,15 +211,21 @@ def document(
     *,
     params: Mapping[str, Value] | None = None,
     properties: tuple[Text, ...] = (),
+    configurations: tuple[Text, ...] = (),
+    shown: str = "",
 ) -> Document:
     """Read a text for an editor; the arguments are those of :func:`koord.check`.
 
-    Raises :class:`koord.KoordError` only where a file cannot be read.
+    ``configurations`` give values to params, whose names are found there; ``shown`` is the name of
+    the file that is asked about, if it is one of the properties. Raises :class:`koord.KoordError`
+    only where a file cannot be read.
 
     >>> koord.document("task.krd").references(34, 9)
     """
     settings = Settings({name: exact(value) for name, value in (params or {}).items()})
-    return Document(source_of(text), settings, tuple(source_of(more) for more in properties))
+    more = tuple(source_of(one) for one in properties)
+    others = tuple(source_of(one) for one in configurations)
+    return Document(source_of(text), settings, more, shown, others)
 
 
 #: The specification of a source tree; wheels have none.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from koord.api.stories import of_verdict
 from koord.api.verdicts import Verdict
 from koord.semantics.configurations import NO_EVENT
 from koord.traces.changes import changes
@@ -31,10 +32,8 @@ def run_text(verdict: Verdict) -> str:
     ]
     if run.recording.loop is not None:
         lines += [f"From round {run.recording.loop + 1} on it repeats itself, for ever.", ""]
-    elif run.robot is not None:
-        lines += [f"It breaks in round {run.round}, in the turn of robot {run.robot}.", ""]
     else:
-        lines += [f"It breaks in round {run.round}, {run.phase.value}.", ""]
+        lines += [f"{next(of_verdict(verdict)).headline}.", ""]
     return "\n".join(lines)
 
 

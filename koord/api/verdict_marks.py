@@ -44,8 +44,27 @@ class VerdictMark(Struct, frozen=True):
 
 
 def verdict_marks(report: VerifyReport, document: Document) -> tuple[VerdictMark, ...]:
-    """The verdicts of a report on the program of a document, one mark a claim, in order."""
-    return tuple(_mark(verdict, report, document) for verdict in report.verdicts)
+    """The verdicts of a report on the program of a document, one mark a claim, in order.
+
+    A file of properties has its own alone; the program's own text has besides those that somebody
+    has to do something about, on its first line.
+    """
+    marks = [(verdict, _mark(verdict, report, document)) for verdict in report.verdicts]
+    good = (MarkKind.HOLDS, MarkKind.BOUNDED)
+    return tuple(
+        mark
+        for verdict, mark in marks
+        if _is_own(verdict, document) or (document.is_main and mark.kind not in good)
+    )
+
+
+def _is_own(verdict: Verdict, document: Document) -> bool:
+    """Whether a claim is about the text of a document, and not about other files beside it."""
+    stated = verdict.found.claim.stated
+    if stated is None:
+        return document.is_main
+    others = {file.name for file in document.files} - {document.source.name}
+    return stated.span.file not in others
 
 
 def vacuity_places(report: VerifyReport, document: Document) -> tuple[tuple[Span, str], ...]:

@@ -78,13 +78,20 @@ _SYMBOL_KINDS = {
 
 
 def diagnostics(document: Document, places: Places, uri: str) -> list[types.Diagnostic]:
-    """What is wrong with the text."""
-    return [_diagnostic(found, places, uri) for found in document.diagnostics]
+    """What is wrong with the text; mistakes in other files of the program stand at its top."""
+    return [
+        _diagnostic(found, places, uri)
+        for found in document.diagnostics
+        if found.severity is Severity.ERROR or found.span.file == places.source.name
+    ]
 
 
 def _diagnostic(found: Diagnostic, places: Places, uri: str) -> types.Diagnostic:
     message = found.message if found.hint is None else f"{found.message}\nhelp: {found.hint}"
-    own = found.span.file == places.source.name and not is_whole_file(found.span)
+    here = found.span.file == places.source.name
+    own = here and not is_whole_file(found.span)
+    if not here and places.of(found.span.file) is not None:
+        message = f"{found.span}: {message}"
     related = [
         types.DiagnosticRelatedInformation(
             types.Location(uri, places.range(note.span)), note.message
@@ -137,14 +144,14 @@ def _story(wrong: Diagnostic) -> str:
 
 
 def definition(
-    document: Document, places: Places, position: types.Position, uri: str
+    document: Document, places: Places, position: types.Position
 ) -> types.Location | None:
     """Where the name at a place is declared."""
     target = document.definition(*places.line_and_column(position))
     if target is None:
         return None
     if not target.path:
-        return types.Location(uri, places.range(target.span))
+        return places.location(target.span)
     path = Path(target.path)
     if not path.is_file():
         return None
@@ -159,7 +166,7 @@ def references(
     spans = document.references(
         *places.line_and_column(params.position), declaration=params.context.include_declaration
     )
-    return [types.Location(params.text_document.uri, places.range(span)) for span in spans]
+    return [found for span in spans if (found := places.location(span)) is not None]
 
 
 def highlights(
@@ -167,7 +174,8 @@ def highlights(
 ) -> list[types.DocumentHighlight]:
     """The places of the symbol at a place."""
     spans = document.references(*places.line_and_column(position))
-    return [types.DocumentHighlight(places.range(span)) for span in spans]
+    own = places.source.name
+    return [types.DocumentHighlight(places.range(span)) for span in spans if span.file == own]
 
 
 def completions(
@@ -243,8 +251,12 @@ def rename(
     found = document.rename(line, column, params.new_name)
     if found.refused:
         return found.refused
-    edits = [places.text_edit(edit) for edit in found.edits]
-    return types.WorkspaceEdit(changes={params.text_document.uri: edits})
+    changes: dict[str, list[types.TextEdit]] = {}
+    for edit in found.edits:
+        there = places.of(edit.span.file)
+        if there is not None:
+            changes.setdefault(there.uri, []).append(there.text_edit(edit))
+    return types.WorkspaceEdit(changes=changes)
 
 
 def symbols(document: Document, places: Places) -> list[types.DocumentSymbol]:

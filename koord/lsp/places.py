@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from lsprotocol import types
 
 from koord.api.editing import Edit, Source, Span
@@ -34,9 +36,31 @@ def characters(line: str, units: int, encoding: types.PositionEncodingKind | str
 class Places:
     """The places of one text, in an encoding."""
 
-    def __init__(self, source: Source, encoding: types.PositionEncodingKind | str) -> None:
+    def __init__(
+        self,
+        source: Source,
+        encoding: types.PositionEncodingKind | str,
+        uri: str = "",
+        others: Sequence[tuple[Source, str]] = (),
+    ) -> None:
         self.source = source
         self.encoding = encoding
+        self.uri = uri
+        self._others = others  #: files of the same program, and their addresses
+
+    def of(self, file: str) -> Places | None:
+        """The places of another file of the program; None if there is no such file."""
+        if file == self.source.name:
+            return self
+        for source, uri in self._others:
+            if source.name == file:
+                return Places(source, self.encoding, uri)
+        return None
+
+    def location(self, span: Span) -> types.Location | None:
+        """A place of any file of the program."""
+        there = self.of(span.file)
+        return None if there is None else types.Location(there.uri, there.range(span))
 
     def line_and_column(self, position: types.Position) -> tuple[int, int]:
         """The line and column of a position; the end of the line if it is behind that."""

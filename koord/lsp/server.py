@@ -10,10 +10,12 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
+import os
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
@@ -22,9 +24,11 @@ from msgspec import Struct, to_builtins
 from pygls.exceptions import FeatureRequestError, JsonRpcException, JsonRpcInvalidParams
 from pygls.lsp.server import LanguageServer
 from pygls.protocol import LanguageServerProtocol, lsp_method
+from pygls.uris import to_fs_path
 
 from koord.api.editing import Document, Source, Span, SymbolKind, document, normalise
 from koord.api.html import html
+from koord.api.program_files import program_files
 from koord.api.run_texts import run_text
 from koord.api.verdict_marks import MarkKind, VerdictMark
 from koord.lsp import features
@@ -67,10 +71,12 @@ class OpenText:
         self.version = version
         self.analysis: asyncio.Task[Document] | None = None
         self.known: Document | None = None  #: the newest analysis that has ended
-        self.verifier: Verifier | None = None
         self.waiting: asyncio.Task[None] | None = None  #: for the delay before a verification
         self.verified: Verified | None = None
         self.verified_version = -1
+        self.path = path_of(uri)
+        self.files: frozenset[Path] = frozenset()  #: of its program, as of the last analysis
+        self.main: Path | None = self.path
         self.settled = Verified()  #: what is known of a verification that goes on
         self.is_verifying = False
         self.diagnostics: list[types.Diagnostic] = []
@@ -121,6 +127,7 @@ class KoordServer(LanguageServer):
         self.warm = warm  #: called beside the loop, once a client is there
         self.settings = LspSettings()
         self.texts: dict[str, OpenText] = {}
+        self.verifiers: dict[Path | str, Verifier] = {}  #: by the program's own file
         self.analysts = ThreadPoolExecutor(1, "analysis")
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         _register(self)
@@ -155,13 +162,18 @@ class KoordServer(LanguageServer):
         if text is None:
             return
         self._end_verification(text)
+        if not any(other.main == text.main for other in self.texts.values()):
+            self.verifiers.pop(_key(text), None)
         self.text_document_publish_diagnostics(types.PublishDiagnosticsParams(uri, []))
 
     def close_all(self) -> None:
         """Put everything away, before the server ends."""
-        for text in list(self.texts.values()):
-            self._end_verification(text, patience_s=2.0)
+        for text in self.texts.values():
+            self._end_verification(text)
+        for verifier in self.verifiers.values():
+            verifier.close(2.0)
         self.texts.clear()
+        self.verifiers.clear()
         self.analysts.shutdown(wait=False, cancel_futures=True)
         if self._folder is not None:
             self._folder.cleanup()
@@ -172,9 +184,15 @@ class KoordServer(LanguageServer):
         """The units in which the client counts characters."""
         return self.server_capabilities.position_encoding or types.PositionEncodingKind.Utf16
 
-    def places(self, of: Document) -> Places:
-        """The places of a document as the client counts them."""
-        return Places(of.source, self.encoding)
+    def places(self, of: Document, text: OpenText) -> Places:
+        """The places of a document, and of the other files of its program, for the client."""
+        others: list[tuple[Source, str]] = []
+        if text.path is not None:
+            known = {other.path: other.uri for other in self.texts.values()}
+            for source in of.files:
+                path = Path(os.path.normpath(text.path.parent / source.name))
+                others.append((source, known.get(path) or path.as_uri()))
+        return Places(of.source, self.encoding, text.uri, others)
 
     async def document(self, uri: str) -> tuple[Document, Places]:
         """The newest analysis of a document. Raises JsonRpcInvalidParams if it is not open."""
@@ -187,7 +205,7 @@ class KoordServer(LanguageServer):
             await asyncio.wait([analysis])
             if not analysis.cancelled() and text.analysis is analysis:
                 found = analysis.result()
-                return found, self.places(found)
+                return found, self.places(found, text)
 
     async def ask(self, uri: str, question: Callable[[Document, Places], T]) -> T:
         """Ask about the newest analysis, beside the loop."""
@@ -195,27 +213,44 @@ class KoordServer(LanguageServer):
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self.analysts, question, found, places)
 
-    def _analyse(self, text: OpenText) -> None:
+    def _analyse(self, text: OpenText, *, is_changed: bool = True) -> None:
+        """Analyse a text that has changed, or one whose program has changed in another file."""
         if text.analysis is not None:
             text.analysis.cancel()
         self._end_verification(text)
-        text.analysis = asyncio.get_running_loop().create_task(self._analysed(text))
+        text.analysis = asyncio.get_running_loop().create_task(self._analysed(text, is_changed))
         text.analysis.add_done_callback(self._report)
 
-    async def _analysed(self, text: OpenText) -> Document:
-        name = features.file_name(None, text.uri)
-        source = Source(name, normalise(text.text))
+    async def _analysed(self, text: OpenText, is_changed: bool) -> Document:
         loop = asyncio.get_running_loop()
         version = text.version
-        found = await loop.run_in_executor(self.analysts, document, source)
+        opened = {other.path: other.text for other in self.texts.values()}
+        read = partial(_read, text.uri, text.path, text.text, opened)
+        found, text.main = await loop.run_in_executor(self.analysts, read)
         text.known = found
-        text.diagnostics = features.diagnostics(found, self.places(found), text.uri)
+        places = self.places(found, text)
+        text.files = frozenset() if text.path is None else _paths(found, text.path)
+        text.diagnostics = features.diagnostics(found, places, text.uri)
         self._publish(text, version)
-        if self.settings.verify.on == "change":
-            self.verify(text)
-        elif text.verified is not None:
+        if is_changed:
+            for other in self._others(text):
+                self._analyse(other, is_changed=False)
+            if self.settings.verify.on == "change":
+                self.verify(text)
+                return found
+        else:
+            text.verified_version = -1
+        if text.verified is not None:
             self._tell(text, "stale")
         return found
+
+    def _others(self, text: OpenText) -> list[OpenText]:
+        """The other open files of a program, those that were of it included."""
+        return [
+            other
+            for other in self.texts.values()
+            if other is not text and (other.path in text.files or text.path in other.files)
+        ]
 
     def _report(self, task: asyncio.Task[Any]) -> None:
         """Tell of what failed in a task that nobody waits for."""
@@ -230,7 +265,7 @@ class KoordServer(LanguageServer):
         if text.is_verifying:
             verified = text.settled
         if verified is not None and text.known is not None:
-            found += _verdict_diagnostics(verified, self.places(text.known))
+            found += _verdict_diagnostics(verified, self.places(text.known, text))
         self.text_document_publish_diagnostics(
             types.PublishDiagnosticsParams(text.uri, found, version)
         )
@@ -255,17 +290,25 @@ class KoordServer(LanguageServer):
         self, text: OpenText, found: Document, version: int, delay_s: float
     ) -> None:
         await asyncio.sleep(delay_s)
-        if text.verifier is None:
-            loop = asyncio.get_running_loop()
+        loop = asyncio.get_running_loop()
 
-            def tell(version: int, verified: Verified) -> None:
-                loop.call_soon_threadsafe(self._verified, text, version, verified)
+        def hear(version: int, verified: Verified) -> None:
+            if found is text.known:  # and no other file of the program has changed
+                self._verified(text, version, verified)
 
-            text.verifier = Verifier(self.settings.verify, tell)
-        text.verifier.start(found, version)
+        def tell(version: int, verified: Verified) -> None:
+            loop.call_soon_threadsafe(hear, version, verified)
+
+        verifier = self.verifiers.get(_key(text))
+        if verifier is None:
+            verifier = self.verifiers[_key(text)] = Verifier(self.settings.verify)
+        verifier.start(found, version, tell)
 
     def _verified(self, text: OpenText, version: int, verified: Verified) -> None:
-        """Show the verdicts on a text, if it is still the newest."""
+        """Show the verdicts on a text, if it is still the newest.
+
+        The other open files of the program are verified then: what is known is not asked again.
+        """
         if version != text.version or self.texts.get(text.uri) is not text or verified.interrupted:
             return
         if not verified.done:
@@ -278,17 +321,19 @@ class KoordServer(LanguageServer):
         text.verified, text.verified_version = verified, version
         self._publish(text, version)
         self._tell(text, "refused" if verified.refused else "done")
+        if self.settings.verify.on == "change":
+            for other in self._others(text):
+                if other.verified_version == -1 and not other.is_verifying and other.known:
+                    self.verify(other, at_once=True)
 
-    def _end_verification(self, text: OpenText, patience_s: float = 0.0) -> None:
-        text.is_verifying = False
+    def _end_verification(self, text: OpenText) -> None:
+        verifier = self.verifiers.get(_key(text))
         if text.waiting is not None:
             text.waiting.cancel()
             text.waiting = None
-        if text.verifier is not None:
-            if patience_s:
-                text.verifier.close(patience_s)
-            else:
-                text.verifier.cancel()
+        if verifier is not None and text.is_verifying:
+            verifier.cancel()
+        text.is_verifying = False
 
     def stop_verification(self, uri: str) -> None:
         """End the verification of a document, as the user asks."""
@@ -404,7 +449,40 @@ class KoordServer(LanguageServer):
             return
         for text in self.texts.values():
             self._end_verification(text)
-            text.verifier = None
+        self.verifiers.clear()
+
+
+def path_of(uri: str) -> Path | None:
+    """The file of an address; None if it is none of a file."""
+    path = to_fs_path(uri) if uri.startswith("file:") else None
+    return None if not path else Path(path)
+
+
+def _read(
+    uri: str, path: Path | None, text: str, opened: Mapping[Path | None, str]
+) -> tuple[Document, Path | None]:
+    """A text as a part of its program, and the program's own file."""
+    if path is None:
+        return document(Source(features.file_name(None, uri), normalise(text))), None
+    files = program_files(path, text, opened.get)
+    found = document(
+        files.main,
+        params=files.params,
+        properties=files.properties,
+        configurations=files.configurations,
+        shown=path.name,
+    )
+    return found, path.parent / files.main.name
+
+
+def _paths(found: Document, path: Path) -> frozenset[Path]:
+    """The files of a document's program."""
+    return frozenset(Path(os.path.normpath(path.parent / file.name)) for file in found.files)
+
+
+def _key(text: OpenText) -> Path | str:
+    """What the files of a program have in common."""
+    return text.main or text.uri
 
 
 def _lines(document: Document) -> dict[str, int]:
@@ -519,7 +597,7 @@ def _register(server: KoordServer) -> None:
     @feature(types.TEXT_DOCUMENT_DEFINITION)
     async def definition(params: types.DefinitionParams) -> types.Location | None:
         uri = params.text_document.uri
-        return await server.ask(uri, lambda d, at: features.definition(d, at, params.position, uri))
+        return await server.ask(uri, lambda d, at: features.definition(d, at, params.position))
 
     @feature(types.TEXT_DOCUMENT_REFERENCES)
     async def references(params: types.ReferenceParams) -> list[types.Location]:

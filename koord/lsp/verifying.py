@@ -1,9 +1,10 @@
-"""Verification while somebody types: one at a time for each document, ended as the text changes."""
+"""Verification while somebody types: one at a time for each program, ended as the text changes."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import TypeAlias
 
 from msgspec import Struct
 
@@ -37,15 +38,19 @@ class Verified(Struct, frozen=True):
         return self.report is not None and self.report.interrupted
 
 
+#: What is called with the version of a text, and what is known of its claims.
+Tell: TypeAlias = Callable[[int, Verified], None]
+
+
 class Verifier:
-    """The verifications of one document: a new one ends the one before.
+    """The verifications of one program: a new one ends the one before.
 
     Each has a thread of its own, and solvers have processes of their own. ``tell`` is called from
     the thread with the version of the text and what came out, also of one that was ended, and
     before that whenever claims are settled.
     """
 
-    def __init__(self, settings: VerifySettings, tell: Callable[[int, Verified], None]) -> None:
+    def __init__(self, settings: VerifySettings) -> None:
         self._session = Session(
             robots=settings.robots,
             rounds=settings.rounds,
@@ -53,15 +58,14 @@ class Verifier:
             jobs=settings.jobs,
             cache=Cache(usual_folder()) if settings.cache else None,
         )
-        self._tell = tell
         self._threads: list[threading.Thread] = []
 
-    def start(self, document: Document, version: int) -> None:
+    def start(self, document: Document, version: int, tell: Tell) -> None:
         """Verify a text without errors."""
         self._threads = [thread for thread in self._threads if thread.is_alive()]
         name = f"verification of {document.source.name} {version}"
         thread = threading.Thread(
-            target=self._verify, args=(document, version), name=name, daemon=True
+            target=self._verify, args=(document, version, tell), name=name, daemon=True
         )
         self._threads.append(thread)
         thread.start()
@@ -76,18 +80,18 @@ class Verifier:
         for thread in self._threads:
             thread.join(patience_s)
 
-    def _verify(self, document: Document, version: int) -> None:
+    def _verify(self, document: Document, version: int, tell: Tell) -> None:
         try:
-            found = self._verified(document, version)
+            found = self._verified(document, version, tell)
         except Exception as error:  # of koord itself: the server goes on
             found = Verified(refused=f"the verification failed: {error!r}")
-        self._tell(version, found)
+        tell(version, found)
 
-    def _verified(self, document: Document, version: int) -> Verified:
+    def _verified(self, document: Document, version: int, tell: Tell) -> Verified:
         def heard(progress: Progress) -> None:
             if isinstance(progress, VerdictProgress):
                 known = progress.report
-                self._tell(version, Verified(verdict_marks(known, document), (), known, done=False))
+                tell(version, Verified(verdict_marks(known, document), (), known, done=False))
 
         program = document.program
         if program is None:

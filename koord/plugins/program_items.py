@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import shlex
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -15,6 +14,7 @@ import pytest
 from koord.api.cache import Cache, usual_folder
 from koord.api.claims import claim_places
 from koord.api.files import input_file, read_bytes
+from koord.api.program_files import SAID
 from koord.api.programs import Program, check, load
 from koord.api.results import ArgumentError
 from koord.api.robots import system_of
@@ -27,9 +27,6 @@ from koord.plugins.choices import CHOICES
 from koord.plugins.flags import FlagError, Flags
 from koord.syntax.diagnostics import Diagnostic, KoordError
 from koord.syntax.source import Source, Span, is_whole_file
-
-#: A comment of a program that says how it is verified: ``# koord verify: --robots 2..4``.
-_SAID = re.compile(r"^[ \t]*#[ \t]*koord verify:(.*)$", re.MULTILINE)
 
 #: The item that says whether the verdicts of a program say what they seem to.
 VACUITY = "not vacuous"
@@ -97,7 +94,7 @@ class ProgramFile(pytest.File):
         """How the program is to be verified: by the project, by its text, by the command line."""
         said = [
             str(self.config.getini("koord_verify")),
-            *_SAID.findall(source.text),
+            *SAID.findall(source.text),
             str(self.config.getoption("koord_verify")),
         ]
         try:

@@ -81,6 +81,7 @@ def test_vim_tells_words_apart(tmp_path: Path) -> None:
         "def fun f(int a) -> int: extern fresh",
         "using Motion:",
         "    sensors:",
+        "invariant A: a++b || c",
     ]
     wanted = {
         (1, "Go"): "koordEvent",
@@ -97,6 +98,9 @@ def test_vim_tells_words_apart(tmp_path: Path) -> None:
         (4, "extern"): "koordModifier",
         (5, "Motion"): "koordModule",
         (6, "sensors"): "koordSection",
+        (7, "++"): "koordSign",
+        (7, "||"): "koordSign",
+        (7, "b ||"): "",
     }
     program, output = tmp_path / "a.krd", tmp_path / "output"
     program.write_text("\n".join(lines) + "\n")
@@ -109,13 +113,15 @@ def test_vim_tells_words_apart(tmp_path: Path) -> None:
         "set ft=koord",
         f"redir! > {output}",
         f"for p in {places} | {show} | endfor",
+        "echo v:errmsg",
         "redir END",
         "qa!",
     ]
     arguments = [part for command in commands for part in ("-c", command)]
-    # silent as it is, its exit code tells of no error that matters here
+    # silent as it is, its exit code tells of no error; the last one is told behind the names
     subprocess.run([VIM, "-u", "NONE", "-es", *arguments], check=False, timeout=60)
-    found = [name.strip() for name in output.read_text().split(";")[:-1]]
+    *found, error = (name.strip() for name in output.read_text().split(";"))
     if not found:
         pytest.skip("this Vim has no syntax")
+    assert error == ""
     assert dict(zip(wanted, found, strict=True)) == wanted

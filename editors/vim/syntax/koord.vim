@@ -15,7 +15,7 @@ syn match koordSection /\v<(fun|adt|contract)>\ze\s+\w/
 syn match koordModifier /\v<extern(\s+fresh)?>|<at\s+round>/
 syn match koordBuiltin /\v<(abs|add|all|any|append|assign|choose|clamp|contains|float|keys|len|length|max|min|pop|pos|ran|remove|toList)>\ze\s*\(/
 syn match koordLibrary /\v<(allAssigned|atan2|cos|distance|findObs|findPath|getAvailableNextTask|getNeighbors|getPathFromTask|merge|mid|midpoint|norm|pathIsClear|pathsClear|pickFrontierPos|pos3d|scanToMap|sin|sqrt|willCollide)>\ze\s*\(/
-syn match koordSign /<<\|\->\|\+\+\|\-\-\|==\|!=\|<=\|>=\|\&\&\|\|\|\|\+\|\-\|\*\|\/\|%\|<\|>\|=\|!\|@\|'/
+syn match koordSign /\V<<\|->\|++\|--\|==\|!=\|<=\|>=\|&&\|||\|+\|-\|*\|\/\|%\|<\|>\|=\|!\|@\|'/
 syn match koordNumber /\v<\d+(\.\d+)?([eE][+-]?\d+)?>/
 syn match koordEvent /^\h\w*\ze\s*:/
 syn region koordString start=/"/ skip=/\\./ end=/"\|$/

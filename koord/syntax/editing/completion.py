@@ -29,7 +29,6 @@ from koord.syntax.elaboration.recorder import (
 )
 from koord.syntax.elaboration.symbols import BoundSymbol, Signature
 from koord.syntax.elaboration.where import Where
-from koord.syntax.load import load
 from koord.syntax.source import Source, Span
 from koord.syntax.types import BOOL, Type, show
 from koord.syntax.vocabulary import FUNCTIONS, GENERIC_TYPES, TYPES
@@ -151,8 +150,7 @@ def _hole(model: SemanticModel, line: int, head: str, tail: str) -> Hole | None:
         lines = model.source.text.split("\n")
         lines[line - 1] = attempt
         recorder = Recorder()
-        text = Source(model.source.name, "\n".join(lines))
-        load(text, model.settings, model.properties, recorder)
+        model.reloaded("\n".join(lines), recorder)
         if recorder.hole is not None:
             return recorder.hole
     return None

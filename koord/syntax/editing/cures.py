@@ -11,7 +11,6 @@ from msgspec import Struct
 from koord.syntax.diagnostics import Diagnostic, Edit, Severity
 from koord.syntax.editing.model import SemanticModel
 from koord.syntax.edits import edited
-from koord.syntax.load import load
 from koord.syntax.source import Source, Span, is_whole_file
 
 
@@ -35,8 +34,7 @@ def cures(model: SemanticModel, found: Diagnostic) -> tuple[Cure, ...]:
         return ()
     before = _told(model.diagnostics)
     for title, edits in _proposals(model.source, found):
-        text = Source(model.source.name, edited(model.source, edits))
-        after = _told(load(text, model.settings, model.properties).diagnostics)
+        after = _told(model.reloaded(edited(model.source, edits)).diagnostics)
         if len(after) < len(before) and not set(after) - set(before):
             return (Cure(title, edits),)
     return ()

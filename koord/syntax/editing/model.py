@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 
 from msgspec import Struct
 
-from koord.syntax import core
+from koord.syntax import ast, core
 from koord.syntax.diagnostics import Diagnostic
 from koord.syntax.editing.symbols import (
     Symbol,
@@ -17,6 +17,7 @@ from koord.syntax.editing.symbols import (
     library_symbols,
     with_children,
 )
+from koord.syntax.elaboration import Elaborated
 from koord.syntax.elaboration.recorder import (
     EventSymbol,
     FieldSymbol,
@@ -48,7 +49,8 @@ class SemanticModel:
     """What is known about a text, with or without mistakes.
 
     ``program`` is its core program, None if it has errors. Places are those of :class:`Span`: lines
-    and columns count characters from 1.
+    and columns count characters from 1. ``source`` is the file that is asked about: the program's
+    own, or the one of its files of properties that is ``shown``.
     """
 
     def __init__(
@@ -56,8 +58,10 @@ class SemanticModel:
         source: Source,
         settings: Settings = _DEFAULTS,
         properties: tuple[Source, ...] = (),
+        shown: str = "",
     ) -> None:
-        self.source = source
+        self.files = (source, *properties)
+        self.source = next((file for file in self.files if file.name == shown), source)
         self.settings = settings
         self.properties = properties
         self.recorder = Recorder()
@@ -65,29 +69,59 @@ class SemanticModel:
         self.program: core.Program | None = found.program
         self.diagnostics: tuple[Diagnostic, ...] = found.diagnostics
 
+    def replaced(self, texts: Mapping[str, str]) -> SemanticModel:
+        """The model with other texts of some files, by their names."""
+        source, *properties = (Source(f.name, texts.get(f.name, f.text)) for f in self.files)
+        return SemanticModel(source, self.settings, tuple(properties), self.source.name)
+
+    def reloaded(self, text: str, recorder: Recorder | None = None) -> Elaborated:
+        """What comes of another text of the file that is asked about."""
+        here = Source(self.source.name, text)
+        source, *properties = (here if f.name == here.name else f for f in self.files)
+        return load(source, self.settings, tuple(properties), recorder)
+
     @cached_property
     def symbols(self) -> tuple[Symbol, ...]:
         """What the text declares, in order; parts are children."""
+        return self._symbols[self.source.name]
+
+    @cached_property
+    def _symbols(self) -> Mapping[str, tuple[Symbol, ...]]:
+        """What the files of the program declare, by their names."""
         program = self.recorder.program
-        return () if program is None else declared(program, self.source)
+        sections = () if program is None else program.sections
+        found = {}
+        for number, file in enumerate(self.files):
+            comments = program.comments if program is not None and not number else ()
+            own = tuple(one for one in sections if one.span.file == file.name)
+            found[file.name] = declared(ast.Program(own, comments), file)
+        return found
 
     @cached_property
     def occurrences(self) -> tuple[Occurrence, ...]:
         """Every name with a meaning, in the order of the text; none overlaps another."""
+        return tuple(self._occurrences(self.source))
+
+    @cached_property
+    def all_occurrences(self) -> tuple[Occurrence, ...]:
+        """Those of every file of the program, file by file."""
+        return tuple(one for file in self.files for one in self._occurrences(file))
+
+    def _occurrences(self, file: Source) -> Iterator[Occurrence]:
         found: dict[tuple[int, int], Occurrence] = {}
-        for symbol in with_children(self.symbols):
-            if symbol.name_span is not None and self._is_name(symbol.name_span):
+        for symbol in with_children(self._symbols[file.name]):
+            if symbol.name_span is not None and _is_name(symbol.name_span, file):
                 place = (symbol.name_span.line, symbol.name_span.column)
                 found[place] = Occurrence(symbol.name_span, symbol, True)
         for span, meaning in self.recorder.meanings.items():
-            if span.file != self.source.name or (span.line, span.column) in found:
+            if span.file != file.name or (span.line, span.column) in found:
                 continue
-            if not self._is_name(span):
+            if not _is_name(span, file):
                 continue
             known = self.symbol_of(meaning)
             if known is not None:
                 found[span.line, span.column] = Occurrence(span, known, known.name_span == span)
-        return tuple(found[place] for place in sorted(found))
+        return (found[place] for place in sorted(found))
 
     @cached_property
     def _places(self) -> list[tuple[int, int]]:
@@ -103,9 +137,9 @@ class SemanticModel:
         return None
 
     def occurrences_of(self, symbol: Symbol) -> Iterator[Occurrence]:
-        """Every place where a symbol is named, its declaration included."""
+        """Every place of the program where a symbol is named, its declaration included."""
         key = identity(symbol)
-        return (each for each in self.occurrences if identity(each.symbol) == key)
+        return (each for each in self.all_occurrences if identity(each.symbol) == key)
 
     def type_at(self, line: int, column: int) -> tuple[Span, Type] | None:
         """The smallest expression around a place, and its type."""
@@ -116,16 +150,10 @@ class SemanticModel:
                 best = (span, type_)
         return best
 
-    def _is_name(self, span: Span) -> bool:
-        """Return whether a place holds a name: some nodes have the places of others."""
-        if span.line != span.end_line:
-            return False
-        text = self.source.line_text(span.line)
-        return text[span.column - 1 : span.end_column - 1].isidentifier()
-
     @cached_property
     def _declared(self) -> dict[tuple[str, int, int], Symbol]:
-        symbols = (*with_children(self.symbols), *with_children(library_symbols()))
+        own = (self._symbols[file.name] for file in (self.source, *self.files))
+        symbols = (each for some in (*own, library_symbols()) for each in with_children(some))
         return {
             (span.file, span.line, span.column): symbol
             for symbol in symbols
@@ -191,6 +219,14 @@ def identity(symbol: Symbol) -> tuple[object, ...]:
         span = symbol.name_span
         return span.file, span.line, span.column
     return symbol.kind, symbol.owner, symbol.name
+
+
+def _is_name(span: Span, file: Source) -> bool:
+    """Return whether a place holds a name: some nodes have the places of others."""
+    if span.line != span.end_line:
+        return False
+    text = file.line_text(span.line)
+    return text[span.column - 1 : span.end_column - 1].isidentifier()
 
 
 def _covers(span: Span, line: int, column: int) -> bool:

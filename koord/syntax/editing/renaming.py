@@ -11,14 +11,13 @@ from koord.syntax.editing.model import Occurrence, SemanticModel, identity
 from koord.syntax.editing.symbols import SymbolKind
 from koord.syntax.edits import edited
 from koord.syntax.elaboration.library import PORT_ALIASES
-from koord.syntax.source import Source
 from koord.syntax.vocabulary import KEYWORDS, OWN_NAMES
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 class Renaming(Struct, frozen=True):
-    """The edits of a renaming; none, and why, if it cannot be done."""
+    """The edits of a renaming, in the files that their places name; none, and why, if refused."""
 
     edits: tuple[Edit, ...] = ()
     refused: str = ""
@@ -34,8 +33,6 @@ def renamable(model: SemanticModel, line: int, column: int) -> Occurrence | str:
         return f"`{symbol.name}` is the language's own name"
     if symbol.in_library:
         return f"`{symbol.name}` is a name of the library"
-    if symbol.name_span.file != model.source.name:
-        return f"`{symbol.name}` is declared in {symbol.name_span.file}"
     if symbol.kind is SymbolKind.MODULE or symbol.owner in PORT_ALIASES:
         return f"`{symbol.name}` is a name that drivers and worlds know"
     return found
@@ -55,8 +52,11 @@ def renamed(model: SemanticModel, line: int, column: int, name: str) -> Renaming
     if name in KEYWORDS or name in OWN_NAMES:
         return Renaming(refused=f"`{name}` is a word of the language")
     edits = tuple(Edit(each.span, name) for each in model.occurrences_of(found.symbol))
-    after = SemanticModel(
-        Source(model.source.name, edited(model.source, edits)), model.settings, model.properties
+    after = model.replaced(
+        {
+            file.name: edited(file, (one for one in edits if one.span.file == file.name))
+            for file in model.files
+        }
     )
     if _errors(after) > _errors(model):
         return Renaming(refused=f"`{name}` cannot stand in some of these places, or is taken")
@@ -73,7 +73,7 @@ def _shape(model: SemanticModel) -> list[object]:
     """Which names mean the same, whatever they are: the number of the first one of each symbol."""
     first: dict[tuple[object, ...], int] = {}
     shape: list[object] = []
-    for number, each in enumerate(model.occurrences):
+    for number, each in enumerate(model.all_occurrences):
         known = first.setdefault(identity(each.symbol), number)
         outside = None if each.symbol.name_span is not None else identity(each.symbol)
         shape.append((known, each.is_declaration, outside))
