@@ -601,6 +601,8 @@ class External(Node, frozen=True):
     ensures: tuple[Expr, ...]
     bound: int
     constructs: bool = False
+    #: True: proofs take the summary for each answer, even where it asks other functions.
+    by_answer: bool = False
     written: str = ""  #: as that of a :class:`Function`
 
     @property

@@ -234,9 +234,7 @@ def test_it_means_the_same_when_it_is_brought_over(name: str) -> None:
     assert not koord.migrate(found.migrated).changed
 
 
-@pytest.mark.parametrize(
-    "name", sorted(LISTINGS.keys() - {"mapping"})
-)  # maps of any size take long
+@pytest.mark.parametrize("name", LISTINGS)
 def test_its_properties_hold(name: str) -> None:
     source = koord.migrate(Source(f"{name}.krd", LISTINGS[name])).migrated
     report = koord.verify(source, robots=3, rounds=3, timeout_s=60)

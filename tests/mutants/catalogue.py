@@ -57,6 +57,7 @@ ON_CLUSTER = "tests/cli/test_verify_on_cluster.py"
 WITNESS = "tests/verify/test_witness.py"
 FOOTPRINT = "tests/syntax/test_footprint.py"
 ABSTRACTION = "tests/verify/reduction/test_abstraction.py"
+OBSERVERS = "tests/verify/reduction/test_observers.py"
 SYMBOLS = "tests/verify/encoding/test_symbols.py"
 SOLVING = "tests/verify/encoding/test_solver.py"
 REPRESENTATIVES = "tests/verify/engines/induction/test_representatives.py"
@@ -763,9 +764,44 @@ VERIFY = (
     Mutant(
         "a callers duty is looked into by nobody",
         "verify.reduction.abstraction._flowing",
-        "(replace(program, externals=()), duties)",
-        "(replace(program, externals=()), duties[:0])",
+        "_looked_into(e.requires for e in program.externals)",
+        "_looked_into(e.requires for e in program.externals[:0])",
         (ABSTRACTION,),
+    ),
+    Mutant(
+        "merged maps have what both have",
+        "verify.reduction.abstraction._Rewriter._promising_merged",
+        "binary(BinaryOp.OR, look(Observer.HAS, old), look(Observer.HAS, new))",
+        "binary(BinaryOp.AND, look(Observer.HAS, old), look(Observer.HAS, new))",
+        (OBSERVERS,),
+    ),
+    Mutant(
+        "opaque lists are looked into beyond their ends",
+        "verify.reduction.observers.observing",
+        "binary(BinaryOp.LT, parts[1], parts[2])",
+        "binary(BinaryOp.LE, parts[1], parts[2])",
+        (OBSERVERS,),
+    ),
+    Mutant(
+        "maps that are merged are made of their parts alone",
+        "verify.reduction.observers.constructor",
+        "replace(_function(name, types, result), by_answer=True)",
+        "replace(_function(name, types, result), by_answer=True, constructs=True)",
+        (OBSERVERS,),
+    ),
+    Mutant(
+        "loops are done as often as an opaque list is long",
+        "verify.reduction.abstraction._opened",
+        "_looked_into((low, high))",
+        "set[Type]()",
+        (OBSERVERS,),
+    ),
+    Mutant(
+        "of two entries with one key the first counts",
+        "verify.reduction.problems._map_of",
+        "(found[at[0]][0], value)",
+        "found[at[0]]",
+        (OBSERVERS,),
     ),
     Mutant(
         "answers are made up without regard to the summary",

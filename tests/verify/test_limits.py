@@ -56,7 +56,7 @@ local:
     int[] path = []
 Plan:
     eff: path = plan(1)
-invariant Short: length(path) <= 3
+invariant Short: length(path) <= 3 or contains(path, 9)
 """
 
 
@@ -67,3 +67,10 @@ def test_nothing_is_said_of_rounds_in_which_lists_may_be_longer() -> None:
         short, _ = verify(dealt(program, 1), Bounds(rounds=2), choice).verdicts
         assert short.outcome is Outcome.UNKNOWN
         assert short.rounds in (None, 0)
+
+
+def test_lists_that_are_only_measured_may_be_longer() -> None:
+    """Where nothing goes over a plan, nothing bounds it. [T-OBSERVE]"""
+    program = program_of(PLANS.replace("contains(path, 9)", "path[2] == 9"))
+    short, _ = verify(dealt(program, 1), Bounds(rounds=2), Engine.BMC).verdicts
+    assert short.outcome is Outcome.VIOLATED

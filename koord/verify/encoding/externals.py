@@ -28,11 +28,13 @@ Symbolic: TypeAlias = "Value[Term]"
 def vouched(external: core.External) -> bool:
     """Return whether the summary of a function is asserted for all its arguments at once.
 
-    That is so where it says more than what one answer must be like. Elsewhere it is required
-    answer by answer: solvers find it hard to come by a function that meets it everywhere.
+    That is so where it says more than what one answer must be like, unless that is of no use.
+    Elsewhere it is required answer by answer: solvers find it hard to come by a function that
+    meets it everywhere.
     """
     return (
         external.kind is core.ExternalKind.FUNCTION
+        and not external.by_answer
         and all(isinstance(v.type, ScalarType) for v in (external.result, *external.parameters))
         and any(isinstance(n, core.ExternalCall | core.AllValues) for n in nodes(external.ensures))
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from random import Random
 
@@ -18,7 +18,7 @@ from koord.semantics.recordings import Answer, Opening, Reading, Recording, Roun
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.statements import machine
 from koord.semantics.storage import held
-from koord.semantics.values import Rec, Seq, Table, Value, map_scalars
+from koord.semantics.values import Rec, Seq, Table, Value, identical, map_scalars
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.diagnostics import KoordError
@@ -39,8 +39,12 @@ from koord.traces.trace import Numbers
 from koord.verify.claims import Claim, ClaimKind, ClaimPhase, claims_of, liveness_of
 from koord.verify.ledger import VerificationProblem
 from koord.verify.reduction.abstraction import Abstraction, abstracted
+from koord.verify.reduction.observers import Observer
 from koord.verify.verdicts import Counterexample
 from koord.verify.witness import NotReplayedError, OnlyOfSliceError, replayed, simplified
+
+#: Lists of a counterexample are made up no longer than that: nobody could read them.
+MOST_ITEMS = 12
 
 Token = tuple[str, str]
 """An opaque value: the name of its sort, and its own."""
@@ -51,13 +55,14 @@ class Concretion(Struct):
 
     A value that the program made of parts is made of their real values. One that an external
     function gave is chosen such that the function's whole summary holds. Others are made up, all
-    different.
+    different. Lists and maps have what observers said of them.
     """
 
     abstraction: Abstraction
     system: System  #: of the original program
     _made: dict[Token, Answer] = field(default_factory=dict)
     _given: dict[Token, Answer] = field(default_factory=dict)
+    _seen: dict[Token, list[Answer]] = field(default_factory=dict)
     _values: dict[Token, Value[Constant]] = field(default_factory=dict)
     _count: int = 0
 
@@ -79,6 +84,14 @@ class Concretion(Struct):
     def _note(self, answer: Answer) -> None:
         if answer.function is None:
             return
+        if answer.function in self.abstraction.observers:
+            parameter, token = (
+                self._abstract_external(answer.function).parameters[0].type,
+                answer.arguments[0],
+            )
+            assert isinstance(parameter, OpaqueType)
+            assert isinstance(token, str)
+            self._seen.setdefault((parameter.name, token), []).append(answer)
         result = self._abstract_external(answer.function).result.type
         if isinstance(result, OpaqueType) and isinstance(answer.value, str):
             sources = self._made if answer.function in self.abstraction.made else self._given
@@ -96,6 +109,7 @@ class Concretion(Struct):
             self._answer(answer)
             for answer in answers
             if answer.function not in self.abstraction.made
+            and answer.function not in self.abstraction.observers
         )
 
     def _answer(self, answer: Answer) -> Answer:
@@ -161,12 +175,14 @@ class Concretion(Struct):
                 self._value(value, parameter.type)
                 for value, parameter in zip(made.arguments, external.parameters, strict=True)
             )
-            return Rec(parts) if isinstance(type_, RecordType) else Seq(len(parts), parts)
-        if given is not None and given.function is not None:
-            return self._answered(given, type_)
-        return self._values[token]
+            if made.function in self.abstraction.merges:
+                return _merged(*parts)
+            return _of_parts(type_, parts)
+        if given is not None and given.function not in self.abstraction.observers:
+            return self._answered(given, token, type_)
+        return next(self._observed(token, type_, ()))
 
-    def _answered(self, answer: Answer, type_: Type) -> Value[Constant]:
+    def _answered(self, answer: Answer, token: Token, type_: Type) -> Value[Constant]:
         """A value that an external function may have answered, by its whole summary."""
         assert answer.function is not None
         abstract = self._abstract_external(answer.function)
@@ -175,32 +191,108 @@ class Concretion(Struct):
             self._value(value, parameter.type)
             for value, parameter in zip(answer.arguments, abstract.parameters, strict=True)
         )
-        candidates = list(self._candidates(type_, arguments, original))
+        candidates = list(self._candidates(token, type_, arguments, original))
         for candidate in candidates:
             if self._meets(original, arguments, candidate):
                 return candidate
         return candidates[0]
 
     def _candidates(
-        self, type_: Type, arguments: tuple[Value[Constant], ...], external: core.External
+        self,
+        token: Token,
+        type_: Type,
+        arguments: tuple[Value[Constant], ...],
+        external: core.External,
     ) -> Iterator[Value[Constant]]:
         """Candidates that summaries usually require: paths that begin and end at arguments."""
-        yield self._invented(type_)
-        if isinstance(type_, ListType):
-            element = type_.element
-            ends = [
-                part
-                for argument, parameter in zip(arguments, external.parameters, strict=True)
-                for part in _parts_of(argument, parameter.type, element)
-            ]
-            middle = self._invented(element)
+        if not isinstance(type_, ListType):
+            yield from self._observed(token, type_, ())
+            return
+        ends = [
+            part
+            for argument, parameter in zip(arguments, external.parameters, strict=True)
+            for part in _parts_of(argument, parameter.type, type_.element)
+        ]
+        yield from self._observed(token, type_, ends)
+
+    def _observed(
+        self, token: Token, type_: Type, ends: Sequence[Value[Constant]]
+    ) -> Iterator[Value[Constant]]:
+        """Values of a token of which is so what observers said; lists also with these ends."""
+        seen = self._seen.get(token, ())
+        if isinstance(type_, MapType):
+            yield self._observed_map(type_, seen)
+        elif isinstance(type_, ListType):
+            yield from self._observed_lists(type_, seen, ends)
+        else:
+            yield self._invented(type_)
+
+    def _observed_lists(
+        self, type_: ListType, seen: Sequence[Answer], ends: Sequence[Value[Constant]]
+    ) -> Iterator[Value[Constant]]:
+        length: int | None = None
+        items: dict[int, Value[Constant]] = {}
+        for answer in seen:
+            observer = self.abstraction.observers[answer.function or ""]
+            if observer is Observer.LENGTH:
+                assert isinstance(answer.value, int)
+                length = answer.value
+            else:
+                _, index, beyond = answer.arguments
+                assert isinstance(index, int)
+                assert isinstance(beyond, int)
+                if 0 <= index < beyond:
+                    # A longer list loses elements in its middle; the replay tells if that matters.
+                    near = index < MOST_ITEMS // 2 or beyond <= MOST_ITEMS
+                    at = index if near else MOST_ITEMS - (beyond - index)
+                    items[at] = self._value(answer.value, self._result(answer))
+                    length = beyond
+        if length is not None:
+            length = min(length, MOST_ITEMS)
+
+        def made(count: int, given: Mapping[int, Value[Constant]]) -> Value[Constant]:
+            known = {**given, **items}
+            return Seq(
+                count,
+                tuple(
+                    known[k] if k in known else self._invented(type_.element) for k in range(count)
+                ),
+            )
+
+        for count in (1,) if length is None else (length,):
+            yield made(count, {})
+        for count in (3,) if length is None else (length,):
             for first in ends:
                 for last in ends:
-                    yield Seq(3, (first, middle, last))
+                    yield made(count, {0: first, count - 1: last})
+        for count in (2,) if length is None else (length,):
             for end in ends:
-                yield Seq(2, (middle, end))
-                yield Seq(2, (end, middle))
+                yield made(count, {count - 1: end})
+                yield made(count, {0: end})
+        if length is None:
             yield Seq(0, ())
+
+    def _observed_map(self, type_: MapType, seen: Sequence[Answer]) -> Value[Constant]:
+        """The map with the keys that were said to be there, and their values where these were."""
+        entries: list[tuple[Value[Constant], Value[Constant]]] = []
+        told = [(self.abstraction.observers[a.function or ""], a) for a in seen]
+        for _, answer in (one for one in told if one[0] is Observer.HAS and one[1].value is True):
+            key = self._value(answer.arguments[1], self._parameter(answer, 1))
+            if all(not identical(key, other) for other, _ in entries):
+                values = (
+                    self._value(at.value, self._result(at))
+                    for observer, at in told
+                    if observer is Observer.AT and identical(at.arguments[1], answer.arguments[1])
+                )
+                found = next(values, None)
+                entries.append((key, self._invented(type_.value) if found is None else found))
+        return Table(len(entries), tuple(entries))
+
+    def _result(self, answer: Answer) -> Type:
+        return self._abstract_external(answer.function or "").result.type
+
+    def _parameter(self, answer: Answer, at: int) -> Type:
+        return self._abstract_external(answer.function or "").parameters[at].type
 
     def _meets(
         self,
@@ -240,6 +332,35 @@ class Concretion(Struct):
                 return self._invented(self.abstraction.hidden[name])
             case _:
                 return False
+
+
+def _of_parts(type_: Type, parts: tuple[Value[Constant], ...]) -> Value[Constant]:
+    """A record or list of parts, or a map of keys and values in turn. [E-MAP]"""
+    if isinstance(type_, RecordType):
+        return Rec(parts)
+    if isinstance(type_, ListType):
+        return Seq(len(parts), parts)
+    return _map_of(zip(parts[::2], parts[1::2], strict=True))
+
+
+def _merged(old: Value[Constant], new: Value[Constant]) -> Value[Constant]:
+    assert isinstance(old, Table)
+    assert isinstance(new, Table)
+    return _map_of((*old.entries, *new.entries))
+
+
+def _map_of(
+    entries: Iterable[tuple[Value[Constant], Value[Constant]]],
+) -> Table[Constant]:
+    """The map of some entries, of which with one key the last counts. [E-MAP]"""
+    found: list[tuple[Value[Constant], Value[Constant]]] = []
+    for key, value in entries:
+        at = [k for k, (other, _) in enumerate(found) if identical(key, other)]
+        if at:
+            found[at[0]] = (found[at[0]][0], value)
+        else:
+            found.append((key, value))
+    return Table(len(found), tuple(found))
 
 
 def _parts_of(value: Value[Constant], type_: Type, wanted: Type) -> Iterator[Value[Constant]]:
