@@ -42,8 +42,9 @@ from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import Durable, State, durable
 from koord.runtime.transports.shared import SharedEnd
 from koord.runtime.transports.transport import Transport
+from koord.runtime.wire.bodies import FIRST_HANDSHAKE_KIND
 from koord.runtime.wire.codec import Channel, DatagramReader, DatagramWriter, is_handshake
-from koord.runtime.wire.frames import Drops
+from koord.runtime.wire.frames import KIND_AT, Drops
 
 
 class Participant(Protocol):
@@ -103,6 +104,8 @@ class Node:
         self._robot = robot
         self._outbox = outbox
         self._due: dict[Timer | PendingWork, float] = {}
+        self._soonest: float | None = None  #: of these
+        self._is_soonest_known = True  #: they are as when that was looked for
         self._work = 0
         self._kept_back: list[Effect] = []  #: from a Save that failed on
         self._write_at = 0.0
@@ -112,20 +115,24 @@ class Node:
 
     def receive(self, now: float, sender: int, incarnation: int, message: Message) -> None:
         if not self._kept_back:
-            self._do(Received(now, sender, incarnation, message))
+            event = Received(now, sender, incarnation, message)
+            self.state, effects = step(self.setup, self.state, event)
+            if effects:
+                self._carry_out_all(effects, now)
 
     def wake(self, now: float) -> None:
         """Expire every timer that is due."""
         if self._kept_back and not self._try_again(now):
             return
         due = self._due
-        while due and not self._kept_back:
-            soonest = min(due.values())
-            if soonest > now:
+        while not self._kept_back:
+            soonest = self.due
+            if soonest is None or soonest > now:
                 return
             # Of those that are due at the same moment the one that was armed first.
             timer = next(one for one, at in due.items() if at == soonest)
             del due[timer]
+            self._is_soonest_known = False
             if isinstance(timer, Timer):
                 self._do(Expired(now, timer))
             else:
@@ -138,7 +145,10 @@ class Node:
         """The time at which to wake the node next, or None."""
         if self._kept_back:
             return self._write_at
-        return min(self._due.values()) if self._due else None
+        if not self._is_soonest_known:
+            self._soonest = min(self._due.values()) if self._due else None
+            self._is_soonest_known = True
+        return self._soonest
 
     @property
     def is_unwritable(self) -> bool:
@@ -159,6 +169,12 @@ class Node:
                 self._due.pop(effect.timer, None)
             elif type(effect) is Send:
                 self._outbox.send(effect.to, effect.message)
+            elif type(effect) is Begin:
+                self._work = effect.round
+                self._due[PendingWork.ROUND] = now + effect.after_s
+            elif type(effect) is Commit:
+                self._due.pop(PendingWork.ROUND, None)
+                self._robot.commit(effect.entry, effect.kept)
             elif type(effect) is Save:
                 if not self._robot.save(durable(self.state)):
                     self._kept_back = list(effects[done:])
@@ -167,6 +183,7 @@ class Node:
                     return
             else:
                 self._carry_out(effect, now)
+        self._is_soonest_known = False
 
     def _try_again(self, now: float) -> bool:
         """Try to write once more; return whether the robot goes on."""
@@ -183,12 +200,6 @@ class Node:
         match effect:
             case Tell(message=message):
                 self._outbox.tell(message)
-            case Begin(round=round_, after_s=after_s):
-                self._work = round_
-                self._due[PendingWork.ROUND] = now + after_s
-            case Commit(entry=entry, kept=kept):
-                self._due.pop(PendingWork.ROUND, None)
-                self._robot.commit(entry, kept)
             case Install(round=round_, store=store, ran=ran):
                 self._due.pop(PendingWork.ROUND, None)
                 self._robot.install(round_, store, ran)
@@ -200,7 +211,7 @@ class Node:
                 self._robot.hold(None)
             case RunEnded():
                 self.over = True
-            case Arm() | Disarm() | Send() | Save():
+            case Arm() | Disarm() | Send() | Save() | Begin() | Commit():
                 raise AssertionError("is carried out by whoever has the effects after it")
             case _:
                 assert_never(effect)
@@ -277,9 +288,11 @@ class Peer:
     def _datagrams(self, message: RunMessage) -> list[bytes]:
         state = self.node.state
         datagrams = self._writer.datagrams(state.incarnation, state.round, message)
-        self.counts.sent += 1
-        self.counts.datagrams += len(datagrams)
-        self.counts.sent_bytes += sum(map(len, datagrams))
+        counts = self.counts
+        counts.sent += 1
+        for datagram in datagrams:
+            counts.datagrams += 1
+            counts.sent_bytes += len(datagram)
         return datagrams
 
     # --- time -----------------------------------------------------------------------------------
@@ -293,35 +306,41 @@ class Peer:
 
         What has come is heard first: a timer may wait for nothing else.
         """
-        due = self.node.due
+        node = self.node
+        due = node.due
         if due is not None:
             left_s = due - self._clock()
-            most_s = 0.0 if left_s <= 0.0 else min(most_s, left_s)
+            if left_s < most_s:
+                most_s = left_s if left_s > 0.0 else 0.0
         datagrams = self.transport.receive(most_s)
         if datagrams:
-            self._reader.round = self.node.state.round
+            self._reader.round = node.state.round
             for datagram in datagrams:
                 self.read(datagram)
-        if self.node.due is not None:
-            self.node.wake(self._clock())
+        if node.due is not None:
+            node.wake(self._clock())
 
     def read(self, datagram: bytes) -> None:
         """Process a datagram."""
-        self.counts.arrived += 1
-        self.counts.arrived_bytes += len(datagram)
-        if is_handshake(datagram):
+        counts, size = self.counts, len(datagram)
+        counts.arrived += 1
+        counts.arrived_bytes += size
+        # Cheap to see, and so for what is said in each round.
+        may_be = size > KIND_AT and datagram[KIND_AT] >= FIRST_HANDSHAKE_KIND
+        if may_be and is_handshake(datagram):
             self.on_handshake(datagram)
             return
         letter = self._reader.read(datagram)
         if letter is None:
             return
         now = self._clock()
-        self.counts.received += 1
-        self.heard_at[letter.sender] = now
-        if isinstance(letter.message, Beacon):
-            self.on_beacon(letter.sender, letter.message)
+        counts.received += 1
+        sender, message = letter.sender, letter.message
+        self.heard_at[sender] = now
+        if isinstance(message, Beacon):
+            self.on_beacon(sender, message)
             return
-        self.node.receive(now, letter.sender, letter.incarnation, letter.message)
+        self.node.receive(now, sender, letter.incarnation, message)
 
 
 def _ignored(datagram: bytes) -> None:

@@ -142,8 +142,8 @@ DRIVEN = (
     Mutant(
         "robots wait for their planners and do nothing else",
         "runtime.deploy.running.Runner.step",
-        "self.member.host.wait_with(self._tick)",
-        "self.member.host.beacon(0.0)",
+        "entrance.member.host.wait_with(self._tick)",
+        "entrance.member.host.beacon(0.0)",
         (ASKED,),
     ),
     Mutant(

@@ -575,6 +575,20 @@ WIRE_MISTAKES = (
         (DEPLOY,),
     ),
     Mutant(
+        "a timer that is armed is not the next one to be due",
+        "runtime.node.Node._carry_out_all",
+        "self._is_soonest_known = False",
+        "pass",
+        (DEPLOY,),
+    ),
+    Mutant(
+        "who joins later is not heard",
+        "runtime.node.Peer.read",
+        "datagram[KIND_AT] >= FIRST_HANDSHAKE_KIND",
+        "datagram[KIND_AT] > FIRST_HANDSHAKE_KIND",
+        (TRANSPORTS,),
+    ),
+    Mutant(
         "the model's actions do nothing",
         "refinement.protocol_proof.proving._After.after",
         "ways.append(self._prover.term(effect.where, terms))",

@@ -23,14 +23,23 @@ from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.deploy.job import Job
 from koord.runtime.deploy.running import Runner
 from koord.runtime.node import Peer
+from koord.runtime.protocol.handshake import (
+    NONCE_BYTES,
+    RUN_BYTES,
+    Join,
+    RefusalReason,
+    Refused,
+    Roll,
+)
+from koord.runtime.protocol.messages import Ask
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
 from koord.runtime.transports import udp as udp_transport
 from koord.runtime.transports.routed import MOST_WAITING, Routed
 from koord.runtime.transports.transport import Transport, TransportError
 from koord.runtime.transports.udp import Delivery, Plan, Udp, on_this_machine
-from koord.runtime.wire.codec import Channel
-from koord.runtime.wire.frames import LONGEST, Drop, run_key
+from koord.runtime.wire.codec import Channel, DatagramWriter
+from koord.runtime.wire.frames import LONGEST, Drop, fleet_key, run_key
 from koord.syntax.source import Source
 from tests.loading import example_program
 from tests.runtime.hub import Hub
@@ -326,6 +335,23 @@ def test_a_multicast_datagram_is_sent_once() -> None:
     alone.tell(b"x")
     assert alone.sent == 3
     alone.close()
+
+
+def test_what_is_said_in_handshakes_is_handed_on_and_no_message_of_the_run() -> None:
+    peer = together(Setup(2, Timing.of(0.1, 2))).peers[0]
+    handed_on: list[bytes] = []
+    peer.on_handshake = handed_on.append
+    nonce, run = bytes(NONCE_BYTES), bytes(RUN_BYTES)
+    said = (Join(nonce, b"", b"", ()), Roll((nonce, nonce)), Refused(nonce, RefusalReason.TWICE))
+    writer = DatagramWriter(Channel(fleet_key(KEY, "a run"), 2, 1))
+    datagrams = [d for one in said for d in writer.datagrams(0, 0, one)]
+    datagrams += DatagramWriter(Channel(run_key(KEY, run), 2, 1)).datagrams(0, 0, Ask(0))
+    for datagram in (b"", b"K", *datagrams):
+        peer.read(datagram)
+    assert handed_on == datagrams[: len(said)]
+    assert peer.drops[Drop.SIZE] == 2
+    assert peer.drops[Drop.FORGED] == 1, "the question is of another run"
+    assert peer.counts.arrived == len(said) + 3
 
 
 @pytest.mark.parametrize("robots", [1, 2, 5, 16])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -155,9 +156,10 @@ class Runner:
                 report(self.news())
                 if is_told_to_stop():
                     break
-            if leave_at is None and (self._is_over or self.member.all_stopped):
-                leave_at = now + max(LINGERING * self.job.delta_s, 0.5)
-            if leave_at is not None and now >= leave_at:
+            if leave_at is None:
+                if self._is_over or self.member.all_stopped:
+                    leave_at = now + max(LINGERING * self.job.delta_s, 0.5)
+            elif now >= leave_at:
                 self.member.forget()
                 break
             yield self.rests_s
@@ -168,22 +170,24 @@ class Runner:
     def step(self) -> None:
         """Take a step: of the handshake, or of the run. Raises CannotTakePartError."""
         wait_s = self._tick()
+        entrance = self.entrance
         if self._waits:
-            self.entrance.look(wait_s)
+            entrance.look(wait_s)
             return
-        self.entrance.turn(wait_s)
-        if self.peer is not None:
-            self.member.host.wait_with(self._tick)
-            self.peer.turn(wait_s)
+        entrance.turn(wait_s)
+        peer = entrance.peer
+        if peer is not None:
+            entrance.member.host.wait_with(self._tick)
+            peer.turn(wait_s)
 
     @property
     def rests_s(self) -> float | None:
         """How long the robot has nothing to do if it hears nothing; None: not known."""
-        if self.peer is None or self._due_at is None:
+        peer, next_at = self.entrance.peer, self._due_at
+        if peer is None or next_at is None:
             return None
-        due, now = self.peer.node.due, self._clock()
-        next_at = self._due_at if due is None else min(due, self._due_at)
-        return min(REPORT_S / 4, max(0.0, next_at - now))
+        due = peer.node.due
+        return self._most_s(next_at if due is None or next_at < due else due)
 
     def go(self) -> None:
         """Take part in the run: people have looked at the robot. (P-PREFLIGHT)"""
@@ -215,21 +219,34 @@ class Runner:
     def _tick(self) -> float:
         """Let the platform take its step; return how long there is until the next, at most."""
         self._heed()
-        now, at = self._clock(), self._untold.committed_at
+        untold, entrance = self._untold, self.entrance
+        now, at = self._clock(), untold.committed_at
         age_s = None if at is None else now - at
-        host = self.member.host
-        if self._due_at is not None and now - self._begun_at > SETTLING_S / 2:
-            self._late_s = max(self._late_s, now - self._due_at)
-        due_s = self._due_at = host.tick(now, age_s, self.member.holding)
-        self._untold.is_at(self._pid, host, now)
-        beacon = None if self.peer is None else host.beacon(self._clock())
-        if beacon is not None and self.peer is not None:
-            self.peer.tell(beacon)
-        return min(REPORT_S / 4, max(0.0, due_s - self._clock()))
+        member = entrance.member
+        host = member.host
+        was_due_at = self._due_at
+        is_late = was_due_at is not None and now - was_due_at > self._late_s
+        if was_due_at is not None and is_late and now - self._begun_at > SETTLING_S / 2:
+            self._late_s = now - was_due_at
+        due_at = self._due_at = host.tick(now, age_s, member.holding)
+        untold.is_at(self._pid, host, now)
+        peer = entrance.peer
+        if peer is not None:
+            beacon = host.beacon(self._clock())
+            if beacon is not None:
+                peer.tell(beacon)
+        return self._most_s(due_at)
+
+    def _most_s(self, next_at: float) -> float:
+        """How long the robot may wait for something that is due at a time."""
+        if next_at == math.inf:
+            return REPORT_S / 4
+        return min(REPORT_S / 4, max(0.0, next_at - self._clock()))
 
     @property
     def _is_over(self) -> bool:
-        return self.peer is not None and self.peer.node.over
+        peer = self.entrance.peer
+        return peer is not None and peer.node.over
 
     def _stop(self) -> Iterator[float | None]:
         """Come to a safe stop: nobody will tell the robot to go on. (P-START) (P-LAST-STOP)"""

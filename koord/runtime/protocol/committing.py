@@ -19,7 +19,7 @@ def commit(turn: StepContext, held: Held) -> None:
     state = turn.state
     was_on_roster = state.is_on_roster
     entry = held.entry
-    assert (entry.round, entry.previous) == (state.round, state.chain)
+    assert (entry.decision.round, entry.previous) == (state.round, state.chain)
     kept = admitted_of(entry, state.pid)
     roster, last_ran = after_entry(state.roster, state.last_ran, entry)
     log = (*state.log, held)
@@ -51,7 +51,10 @@ def outrank(turn: StepContext) -> None:
 
 def admitted_of(entry: LogEntry, pid: int) -> Admitted | None:
     """A robot's turn in an entry; None if it was not let through."""
-    return next((taken for taken in entry.decision.ran if taken.robot == pid), None)
+    for taken in entry.decision.ran:
+        if taken.robot == pid:
+            return taken
+    return None
 
 
 def after_entry(

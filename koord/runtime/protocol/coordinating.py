@@ -214,10 +214,9 @@ def check_majority(turn: StepContext) -> bool:
     return True
 
 
-def note(turn: StepContext, sender: int) -> None:
+def note(turn: StepContext, desk: Coordinator, sender: int) -> None:
     """Note that a robot was heard."""
-    desk = turn.state.office
-    if isinstance(desk, Coordinator) and not desk.heard >> sender & 1:
+    if not desk.heard >> sender & 1:
         turn.take(replace(desk, heard=desk.heard | 1 << sender))
 
 

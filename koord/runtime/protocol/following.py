@@ -34,7 +34,8 @@ def follow(turn: StepContext, sender: int, epoch: int) -> bool:
     if setup.coordinator(epoch) != sender or sender == state.pid:
         return False
     turn.promise(epoch)
-    if state.office != Follower(sender):
+    office = state.office
+    if not isinstance(office, Follower) or office.leader != sender:
         turn.take(Follower(sender))
         turn.disarm(Timer.DEADLINE)
     if not state.ended:
@@ -59,13 +60,14 @@ def on_decide(turn: StepContext, sender: int, message: Decide) -> None:
     if not follow(turn, sender, message.epoch):
         return
     entry = message.entry
-    _commit_if_chained(turn, entry.round, entry.previous, message.epoch)
+    round_ = entry.decision.round
+    _commit_if_chained(turn, round_, entry.previous, message.epoch)
     state = turn.state
-    if entry.round > state.round:
-        fall_behind(turn, sender, entry.round)
+    if round_ > state.round:
+        fall_behind(turn, sender, round_)
         return
     mark = digest(entry)
-    if entry.round < state.round:
+    if round_ < state.round:
         if state.is_voter and any(held.digest == mark for held in state.log):
             turn.send(sender, Acknowledge(message.epoch, entry.round, mark))
         return

@@ -59,11 +59,12 @@ def step(setup: Setup, state: State, event: Event) -> tuple[State, tuple[Effect,
     if isinstance(state.office, Retired):
         return state, ()
     turn = StepContext(setup, state, event.now)
+    if isinstance(event, Received):  # most are
+        sender = event.sender
+        if 0 <= sender < setup.robots and sender != state.pid:
+            _receive(turn, sender, event.incarnation, event.message)
+        return turn.state, _with_save(state, turn)
     match event:
-        case Received():
-            sender = event.sender
-            if 0 <= sender < setup.robots and sender != state.pid:
-                _receive(turn, sender, event.incarnation, event.message)
         case Expired(timer=timer):
             _expire(turn, timer)
         case Proposed():
@@ -79,8 +80,8 @@ def step(setup: Setup, state: State, event: Event) -> tuple[State, tuple[Effect,
 
 def _with_save(before: State, turn: StepContext) -> tuple[Effect, ...]:
     """The effects of a step; what has to be on the disk is, before a message leaves. (R-SAVE)"""
-    effects = turn.effects
-    if must_save(before, turn.state):
+    effects, after = turn.effects, turn.state
+    if after is not before and must_save(before, after):
         at = len(effects)
         for i, one in enumerate(effects):
             if type(one) is Send or type(one) is Tell:
@@ -135,8 +136,10 @@ def _show(turn: StepContext, event: StoreShown) -> None:
 
 
 def _receive(turn: StepContext, sender: int, incarnation: int, message: Message) -> None:
-    coordinating.note(turn, sender)
-    if isinstance(turn.state.office, Rejoining):
+    office = turn.state.office
+    if isinstance(office, Coordinator):
+        coordinating.note(turn, office, sender)
+    elif isinstance(office, Rejoining):
         if isinstance(message, Snapshot):
             following.on_snapshot(turn, sender, message)
         return

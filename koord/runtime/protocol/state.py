@@ -342,7 +342,8 @@ class StepContext:
 
     def await_answer(self, extra_s: float = 0.0) -> None:
         """Start waiting for an answer to something new. (R-AGAIN)"""
-        self.change(tries=0)
+        if self.state.tries:
+            self.change(tries=0)
         self.arm(Timer.RESEND, extra_s + self.setup.timing.resend_s)
 
     def await_longer(self) -> None:
@@ -363,9 +364,10 @@ class StepContext:
 
     def promise(self, epoch: int) -> None:
         """Accept from no epoch below this one any more, and step down from a lower office."""
-        self.hear(epoch)
         if epoch > self.state.promised:
-            self.change(promised=epoch)
+            self.change(promised=epoch, seen=max(self.state.seen, epoch))
+        else:
+            self.hear(epoch)
 
     def follow_nobody(self) -> None:
         """Step down, and wait for a candidate; the time depends on the pid. (R-SILENCE)"""

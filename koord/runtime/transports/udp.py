@@ -14,7 +14,7 @@ from functools import partial
 from msgspec import Struct
 
 from koord.runtime.transports.transport import TransportError, Visit
-from koord.runtime.wire.frames import LONGEST, is_order
+from koord.runtime.wire.frames import FIRST_ORDER_KIND, KIND_AT, LONGEST, is_order
 
 Address = tuple[str, int]
 
@@ -93,7 +93,8 @@ class Mailbox:
 
     def take(self, datagram: bytes, source: Address) -> None:
         """Take a datagram that has come, if it is not this robot's own."""
-        if is_order(datagram):
+        may_be = len(datagram) > KIND_AT and datagram[KIND_AT] >= FIRST_ORDER_KIND  # cheap to see
+        if may_be and is_order(datagram):
             self._visits.append(Visit(datagram, partial(self._answer, source)))
         elif source != self._own:
             if len(self._waiting) < self._most:
@@ -125,7 +126,11 @@ class Mailbox:
     def _handed_on(self) -> list[bytes]:
         """Some of the datagrams that wait, which do so no longer."""
         waiting = self._waiting
-        return [waiting.popleft() for _ in range(min(BATCH, len(waiting)))]
+        if len(waiting) > BATCH:
+            return [waiting.popleft() for _ in range(BATCH)]
+        came = list(waiting)
+        waiting.clear()
+        return came
 
     def visits(self) -> list[Visit]:
         if not self._visits:

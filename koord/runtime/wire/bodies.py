@@ -116,15 +116,14 @@ _TYPES = {kind: type_ for type_, kind in _KINDS.items()}
 
 
 #: The decoders of all kinds, by number, each made when it is first used.
-_DECODERS: list[msgspec.msgpack.Decoder[Any] | None] = [None] * (max(MessageKind) + 1)
+#: A kind is a byte, which need not be one of ours.
+_DECODERS: list[msgspec.msgpack.Decoder[Any] | None] = [None] * 256
 
 
 def _decoder(kind: int) -> msgspec.msgpack.Decoder[Any]:
-    """The decoder of a kind. Raises ValueError for the number of none."""
-    known = _DECODERS[kind] if 0 <= kind < len(_DECODERS) else None
-    if known is None:
-        known = _DECODERS[kind] = decoder(_TYPES[MessageKind(kind)])
-    return known
+    """Make the decoder of a kind. Raises ValueError for the number of none."""
+    made = _DECODERS[kind] = decoder(_TYPES[MessageKind(kind)])
+    return made
 
 
 def kind_and_body(message: AnyMessage) -> tuple[MessageKind, bytes]:
@@ -137,7 +136,9 @@ def message_of(kind: int, body: bytes, robots: int) -> RunMessage | None:
     if kind >= FIRST_HANDSHAKE_KIND:
         return None
     message: RunMessage | None = _decoded(kind, body)
-    return message if message is not None and _fits(message, robots) else None
+    if message is None or type(message) is Acknowledge:
+        return message  # these first: there is one for each robot in each round
+    return message if _fits(message, robots) else None
 
 
 def handshake_of(kind: int, body: bytes) -> HandshakeMessage | None:
@@ -165,7 +166,7 @@ def _is_moment(stamp: Stamp | None) -> bool:
 
 def _decoded(kind: int, body: bytes) -> Any:
     try:
-        return _decoder(kind).decode(body)
+        return (_DECODERS[kind] or _decoder(kind)).decode(body)
     except (msgspec.MsgspecError, ValueError, RecursionError):
         return None
 
@@ -190,8 +191,6 @@ def _is_well_formed(message: HandshakeMessage) -> bool:
 def _fits(message: RunMessage, robots: int) -> bool:
     """Return whether the robots that a message names exist."""
     match message:
-        case Acknowledge():  # these first: there are some for each robot in each round
-            return True
         case Committed(pause_s=pause_s):
             return 0.0 <= pause_s < 1e6
         case Decide(entry=entry) | History(entry=entry):

@@ -206,6 +206,10 @@ class DatagramWriter:
         """Encode a message as datagrams; ``round_`` is where the sender is."""
         kind, body = kind_and_body(message)
         pieces = cut(body)
+        if len(pieces) == 1:
+            frame = Frame(kind, self._pid, incarnation, self._number, round_, 0, 1, body)
+            self._number += 1
+            return [self._seal.put_on(frame)]
         datagrams = []
         for piece, part in enumerate(pieces):
             frame = Frame(
@@ -276,8 +280,8 @@ class DatagramReader:
 
     def read(self, datagram: bytes) -> Letter | None:
         """Read a datagram; return the message that it completes, if any. Drops are counted."""
-        channel, message = self._channel, None
-        found = None if self._opened is None else self._opened.open(datagram)
+        channel, message, opened = self._channel, None, self._opened
+        found = None if opened is None else opened.open(datagram)
         # Why it drops a datagram, and who uses its name, a robot says by itself.
         frame: Frame | Drop
         if found is not None and found[0].sender != channel.pid:

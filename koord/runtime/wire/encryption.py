@@ -45,7 +45,7 @@ class Encrypting(Seal):
         if number <= self._newest:
             self._draw()
         self._newest = number
-        return self._salt + self._cipher.encrypt(_nonce(number), body, header)
+        return header + self._salt + self._cipher.encrypt(_nonce(number), body, header)
 
     def _opened(self, datagram: bytes, sender: int, number: int) -> bytes | None:
         salt = datagram[HEADER_BYTES:_BODY_AT]

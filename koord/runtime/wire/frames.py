@@ -104,10 +104,14 @@ class Seal(ABC):
     __slots__ = ()
 
     VERSION: ClassVar[Version]
+    _BEGINNING: ClassVar[bytes]
+
+    def __init_subclass__(cls) -> None:
+        cls._BEGINNING = bytes((NAME, cls.VERSION))
 
     @abstractmethod
     def _closed(self, header: bytes, number: int, body: bytes) -> bytes:
-        """Return what stands in a datagram behind its header."""
+        """Return a datagram with this header."""
 
     @abstractmethod
     def _opened(self, datagram: bytes, sender: int, number: int) -> bytes | None:
@@ -126,7 +130,7 @@ class Seal(ABC):
             frame.piece,
             frame.pieces,
         )
-        return header + self._closed(header, frame.number, frame.body)
+        return self._closed(header, frame.number, frame.body)
 
     def take_off(self, datagram: bytes, robots: int, me: int, start: int) -> Frame | Drop:
         """Decode a datagram to a frame, or the reason for dropping it. Cheap checks come first.
@@ -135,9 +139,9 @@ class Seal(ABC):
         """
         if not _SHORTEST <= len(datagram) <= LONGEST:
             return Drop.SIZE
-        if datagram[0] != NAME:
-            return Drop.NOT_KOORD
-        if datagram[VERSION_AT] != self.VERSION:
+        if not datagram.startswith(self._BEGINNING):
+            if datagram[0] != NAME:
+                return Drop.NOT_KOORD
             return _OTHER_VERSIONS.get(datagram[VERSION_AT], Drop.VERSION)
         _, _, kind, sender, incarnation, number, round_, piece, pieces = _HEADER.unpack_from(
             datagram
@@ -163,10 +167,10 @@ class Proving(Seal):
         self._keyed = blake2b(digest_size=PROOF_BYTES, key=key)
 
     def _closed(self, header: bytes, number: int, body: bytes) -> bytes:
+        said = header + body
         proof = self._keyed.copy()
-        proof.update(header)
-        proof.update(body)
-        return body + proof.digest()
+        proof.update(said)
+        return said + proof.digest()
 
     def _opened(self, datagram: bytes, sender: int, number: int) -> bytes | None:
         end = len(datagram) - PROOF_BYTES
