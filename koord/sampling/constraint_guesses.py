@@ -60,10 +60,28 @@ def repairs(m: Machine[Constant], e: core.Expr) -> Iterator[Repair]:
 
 def guesses(m: Machine[Constant], e: core.Expr) -> Iterator[Repair | AnswerGuess]:
     """As :func:`repairs`, and also other answers of external functions."""
+    match e:
+        # Where all of it holds each part does, and is asked anyway.
+        case core.Binary(op=BinaryOp.AND, left=left, right=right):
+            yield from guesses(m, left)
+            yield from guesses(m, right)
+            return
+        case core.Quantified(quantifier=QuantifierKind.FORALL) if not isinstance(
+            e.domain, core.AllValues
+        ):
+            for label, here, value in list(instances(m, e)):
+                if here:
+                    m.memory.bound[e.variable.slot] = held(m.d, value)
+                    m.trail.append(label)
+                    yield from guesses(m, _of_element(e, label))
+                    m.trail.pop()
+            return
+        case _:
+            pass
     if statement(m, e):
         return
     match e:
-        case core.Binary(op=BinaryOp.AND | BinaryOp.OR, left=left, right=right):
+        case core.Binary(op=BinaryOp.OR, left=left, right=right):
             yield from guesses(m, left)
             yield from guesses(m, right)
         case core.Binary(op=BinaryOp.IMPLIES, right=right):
@@ -77,15 +95,6 @@ def guesses(m: Machine[Constant], e: core.Expr) -> Iterator[Repair | AnswerGuess
                 yield from _solved(m, right, _moved(evaluate(m, left), margin))
         case core.Unary(op=UnaryOp.NOT, operand=operand):
             yield from _solved(m, operand, False)
-        case core.Quantified(quantifier=QuantifierKind.FORALL) if not isinstance(
-            e.domain, core.AllValues
-        ):
-            for label, here, value in list(instances(m, e)):
-                if here:
-                    m.memory.bound[e.variable.slot] = held(m.d, value)
-                    m.trail.append(label)
-                    yield from guesses(m, _of_element(e, label))
-                    m.trail.pop()
         case core.Call():
             inlined = _inlined(m, e)
             if inlined is not None:

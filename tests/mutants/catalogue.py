@@ -601,6 +601,27 @@ VERIFY = (
         ("tests/verify/engines/every_n/test_disjunctions.py",),
     ),
     Mutant(
+        "disjunctions that hold with one literal less are among the smallest",
+        "verify.engines.every_n.disjunctions.Samples._looked_for",
+        "_is_smallest(x, lacks)",
+        "True",
+        ("tests/verify/engines/every_n/test_disjunctions.py",),
+    ),
+    Mutant(
+        "what is false at one index is false at all",
+        "verify.engines.every_n.disjunctions.Samples._false",
+        "(of, row[-1], *(row[place] for bit, place in PLACES.items() if of & bit))",
+        "(of, *(row[place] for bit, place in PLACES.items() if of & bit))",
+        ("tests/verify/engines/every_n/test_lemma_search.py",),
+    ),
+    Mutant(
+        "what happens late is looked for when a solver was asked",
+        "verify.vacuity.reachability.unbroken",
+        "ever and runs > 0 and pending",
+        "False",
+        ("tests/verify/vacuity/test_few_robots.py",),
+    ),
+    Mutant(
         "losers of a race go on",
         "verify.strategy.race.RaceTurn.work",
         "self.pool.drop(job)",

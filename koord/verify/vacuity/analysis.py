@@ -65,6 +65,10 @@ WISHES_S = 10.0
 TURNS = 600
 RUNS_S = 3.0
 
+#: So many rounds few robots run at least, where it is all the same when something happens: what
+#: counts up to a round number ends behind it.
+_ROUNDS_OF_FEW = 300
+
 #: What it may cost to see that invariants hold of anything whatever, all of them and each.
 REGARDLESS_S = 2.0
 _AT_MOST = Effort.of_seconds(0.1).left
@@ -121,7 +125,7 @@ def look(
     try:
         own_goals = _asked(reachability_goals_of(own.system), known)
         if few is None:
-            looked = _look(own, own_goals, effort, runs, known)
+            looked = _look(own, own_goals, effort, runs, known, ever=every_n)
         else:
             looked = _look_at_few(own, few, own_goals, effort, runs, known)
     except OutOfBudgetError:
@@ -157,7 +161,7 @@ def _look_at_few(
     """Search with few robots; what these do not reach is proved, or looked for with all of them."""
     some = unreachable.with_robots_of(few, ledger)
     goals = _asked(reachability_goals_of(some.system), known)
-    looked = _look(some, goals, effort, runs, known)
+    looked = _look(some, goals, effort, runs, known, ever=True)
     if looked.never is None or looked.never.stuck is not None:
         # More robots may start, or go on, where few do not.
         return _look(ledger, wished, effort, runs, known)
@@ -167,7 +171,8 @@ def _look_at_few(
             start = many_never_start(ledger.system, ledger.seed, ledger.deadline, effort)
         if start is not None:
             return GoalSearch((start,), None, effort)
-    unmet_by_few = looked.never.claims
+    # Where all holds in every round it is all the same when something happens.
+    unmet_by_few = looked.never.claims - looked.never.later
     left = tuple(goal for goal in wished.all if goal.never in unmet_by_few)
     if not left:
         return replace(looked, of_few=True)
@@ -239,7 +244,10 @@ def _look(
     effort: Effort,
     reaching: ReachingRuns,
     known: Substance,
+    *,
+    ever: bool = False,
 ) -> GoalSearch:
+    """Search with the robots of a ledger; ``ever``: these are few, and all rounds count alike."""
     system, deadline, seed = ledger.system, ledger.deadline, ledger.seed
     nevers, rounds = [goal.never for goal in wished.all], ledger.bounds.rounds
     shown = reaching.replayed(wished.system, nevers, rounds)
@@ -250,7 +258,8 @@ def _look(
     silent = () if happens else tuple(_silent(ledger, deadline, effort))
     nevers = [never for never in nevers if never not in shown.claims]
     # Making up positions and paths that meet assumptions can cost more than it spares.
-    runs = 0 if ledger.problem.is_abstract else max(rounds, TURNS // system.robots)
+    longest = max(TURNS // system.robots, _ROUNDS_OF_FEW if ever else 0)
+    runs = 0 if ledger.problem.is_abstract else max(rounds, longest)
     never = Unbroken(frozenset())
     if nevers or not (happens or shown.goes_on):
         never = unbroken(
@@ -263,6 +272,7 @@ def _look(
             runs=runs,
             runs_s=RUNS_S,
             reaching=reaching,
+            ever=ever,
         )
     ended = None
     if never.stuck is None and not happens:

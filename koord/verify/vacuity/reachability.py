@@ -148,13 +148,15 @@ def unbroken(
     runs: int = 0,
     runs_s: float = 0,
     reaching: ReachingRuns | None = None,
+    ever: bool = False,
 ) -> Unbroken:
     """The claims that hold in all runs of so many rounds, asked round by round.
 
     One round is looked at even if there is nothing to ask, to see whether it can end. With ``runs``
     a few runs at random are made first, for at most ``runs_s`` seconds: they break most claims.
     Longer ones, of so many rounds, show which of the others are broken later; and break some where
-    the solver takes long. Runs that break some are kept as ``reaching``.
+    the solver takes long. Runs that break some are kept as ``reaching``. Where claims that are
+    broken later are of no interest (``ever``), the longer runs are made before a solver is asked.
     """
     hasty = effort if runs == 0 else Effort(effort.left // 8)
     pending = list(nevers)
@@ -164,24 +166,36 @@ def unbroken(
         pending = [claim for claim in pending if claim not in met]
         if not pending and any(round_ > 0 for round_ in met.values()):
             return Unbroken(frozenset())
+    found = Unbroken(frozenset())  # for sure
+    if ever and runs > 0 and pending:
+        lasting = _held_by_few_states(system, pending, SMALL, deadline)
+        asked = [claim for claim in pending if claim not in lasting]
+        met = seen(system, asked, runs, deadline.sooner(runs_s), seed)
+        later = frozenset(claim for claim, round_ in met.items() if round_ > rounds)
+        found, pending = Unbroken(later, later=later), [c for c in pending if c not in met]
+        if not pending and any(round_ > 0 for round_ in met.values()):
+            return found
     few = _of_few(system, pending, rounds, deadline, hasty, seed, reaching)
     if few.known and not few.claims and few.stuck is None:
-        return few
+        return _and_later(few, found.later)
     pending = [claim for claim in pending if claim in few.claims]
     if runs == 0:
         return _unbroken(system, seed, pending, rounds, deadline, effort, reaching=reaching)
-    met = seen(system, pending, min(rounds, runs), deadline.sooner(runs_s), seed, reaching)
-    pending = [claim for claim in pending if claim not in met]
-    if not pending and any(round_ > 0 for round_ in met.values()):
-        return Unbroken(frozenset())
+    if not ever:
+        met = seen(system, pending, min(rounds, runs), deadline.sooner(runs_s), seed, reaching)
+        pending = [claim for claim in pending if claim not in met]
+        if not pending and any(round_ > 0 for round_ in met.values()):
+            return Unbroken(frozenset())
     left = _unbroken(system, seed, pending, rounds, deadline, hasty, reaching=reaching)
     if deadline.passed() or not left.claims:
-        return left
-    lasting = set[Claim]()
-    if left.known:
-        unmet = [claim for claim in pending if claim in left.claims]
-        lasting = _held_by_few_states(system, unmet, SMALL, deadline)
-    met = seen(system, left.claims - lasting, runs, deadline.sooner(runs_s), seed)
+        return _and_later(left, found.later)
+    met = {}
+    if not ever:
+        lasting = set[Claim]()
+        if left.known:
+            unmet = [claim for claim in pending if claim in left.claims]
+            lasting = _held_by_few_states(system, unmet, SMALL, deadline)
+        met = seen(system, left.claims - lasting, runs, deadline.sooner(runs_s), seed)
     if not left.known:
         pending = [claim for claim in pending if claim in left.claims and claim not in met]
         few = _of_few(system, pending, rounds, deadline, effort, seed, reaching)
@@ -190,7 +204,12 @@ def unbroken(
             # What two of a kind cannot do all together seldom can, and that takes long to tell.
             effort = Effort(effort.left // 4)
         left = _unbroken(system, seed, pending, rounds, deadline, effort, reaching=reaching)
-    return replace(left, later=left.claims & met.keys())
+    return _and_later(left, found.later | (left.claims & met.keys()))
+
+
+def _and_later(left: Unbroken, later: frozenset[Claim]) -> Unbroken:
+    """What is left, with claims that are known to be broken later."""
+    return replace(left, claims=left.claims | later, later=later)
 
 
 def _of_few(

@@ -99,15 +99,34 @@ def test_that_so_many_robots_cannot_start_is_told() -> None:
 def test_what_is_given_up_with_many_is_named_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
     look = analysis._look
 
-    def given_up(ledger, *others):  # type: ignore[no-untyped-def]
+    def given_up(ledger, *others, **named):  # type: ignore[no-untyped-def]
         if ledger.system.robots == MANY:
             raise OutOfBudgetError
-        return look(ledger, *others)
+        return look(ledger, *others, **named)
 
     monkeypatch.setattr(analysis, "_look", given_up)
     report = report_of(event("numAgents > 5"))
     assert [each.subject for each in report.unlooked] == ["Other"]
     assert report.vacuities == ()
+
+
+def test_what_happens_late_is_seen_before_a_solver_is_asked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """All verdicts are for every round: it is all the same in which of them it happens."""
+    asked: list[int] = []
+    unbroken = reachability._unbroken
+
+    def counted(system, *others, **named):  # type: ignore[no-untyped-def]
+        asked.append(system.robots)
+        return unbroken(system, *others, **named)
+
+    monkeypatch.setattr(reachability, "_unbroken", counted)
+    late = TEXT.format(assumed="", event="Rest:\n    pre: n == 200\n    eff: stop\n")
+    system = dealt(program_of(late.replace("3", "200")), MANY)
+    report = verify(system, Bounds(4))
+    assert {verdict.engine for verdict in report.verdicts} == {Engine.EVERY_N}
+    assert (report.vacuities, report.unlooked, asked) == ((), (), [])
 
 
 @pytest.mark.parametrize(("names", "jobs"), first(1, product([("Begun",), ()], [1, 2])))

@@ -6,10 +6,10 @@ the union of its literals' bits is full.
 
 from __future__ import annotations
 
-from bisect import bisect_left
-from collections.abc import Callable, Container, Iterable, Sequence
-from functools import cache
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import reduce
 from itertools import combinations
+from operator import and_
 from typing import TypeAlias
 
 from msgspec import Struct, field
@@ -37,6 +37,7 @@ from koord.verify.engines.every_n.literals import (
     OF_H,
     OF_I,
     OF_J,
+    PLACES,
     AnyLiteral,
     Between,
     ConditionLiteral,
@@ -54,9 +55,9 @@ Disjunction = tuple[int, ...]
 #: What is said of the robots of a row, and not that there is one.
 Said: TypeAlias = Literal | ConditionLiteral | Between
 
-#: A disjunction to be grown, the samples that are left in which it does not hold, and which of the
-#: literals is the next that may be added.
-_Begun: TypeAlias = tuple[Disjunction, int, int]
+#: A disjunction to be grown, the samples in which it does not hold, and the literals that may be
+#: added, all of them as bits.
+_Begun: TypeAlias = tuple[int, int, int]
 
 #: So many disjunctions, with each order of their literals, are looked at in a step of work.
 _PER_STEP = 6_000
@@ -71,6 +72,13 @@ _LONGER, _MOST_OF_NOBODY = 5, 24
 _MOST_ROWS = 6_000
 
 
+class _Looked(Struct):
+    """Which literals are false of a snapshot's robots, by the robots that they are about."""
+
+    here: Snapshot | None = None
+    false: dict[tuple[int | None, ...], list[int]] = field(default_factory=dict)
+
+
 class Samples(Struct):
     """The truth of literals in sampled rows, as bits."""
 
@@ -78,6 +86,10 @@ class Samples(Struct):
     bits: list[int]
     full: int
     known: dict[tuple[int, int, tuple[int, ...]], list[Disjunction]] = field(default_factory=dict)
+    holding: dict[int, int] = field(default_factory=dict)  #: which literals hold in a sample
+    #: The literals, by the robots that they are about.
+    literals: dict[int, list[tuple[int, AnyLiteral]]] = field(default_factory=dict)
+    looked: _Looked = field(default_factory=_Looked)
 
     @staticmethod
     def of(
@@ -105,8 +117,7 @@ class Samples(Struct):
         most: int = USUAL,
     ) -> list[Disjunction]:
         """The smallest disjunctions of ``most`` literals that held in all samples, and not here."""
-        false = [n for n, x in enumerate(self.language.literals) if x.look(here, row) is False]
-        open_ = [n for n in false if self.bits[n]]
+        open_ = [n for n in self._false(here, row) if self.bits[n]]
         return self._smallest(self.full, open_, most, budget)
 
     def of_nobody(self, here: Snapshot, budget: Budget = ENDLESS) -> list[Disjunction]:
@@ -122,11 +133,28 @@ class Samples(Struct):
 
     def on_the_ring(self, here: Snapshot, row: Row, budget: Budget = ENDLESS) -> list[Disjunction]:
         """The same of three robots on a ring, one of which is between the others."""
-        false = [n for n, x in enumerate(self.language.literals) if x.look(here, row) is False]
+        false = self._false(here, row)
         between = next(n for n in false if isinstance(self.language.literals[n], Between))
         open_ = [n for n in false if self.bits[n] and n != between]
         fewest = self._smallest(self.full & ~self.bits[between], open_, USUAL - 1, budget)
         return [tuple(sorted((between, *x))) for x in fewest if not self._holds(x)]
+
+    def _false(self, here: Snapshot, row: Row) -> list[int]:
+        """The literals that are false of a row; those of one robot are, whoever the others are."""
+        if here is not self.looked.here:
+            self.looked = _Looked(here)
+        if not self.literals:
+            for n, x in enumerate(self.language.literals):
+                self.literals.setdefault(x.of, []).append((n, x))
+        found: list[int] = []
+        for of, literals in self.literals.items():
+            key = of, row[-1], *(row[place] for bit, place in PLACES.items() if of & bit)
+            false = self.looked.false.get(key)
+            if false is None:
+                false = [n for n, x in literals if x.look(here, row) is False]
+                self.looked.false[key] = false
+            found += false
+        return sorted(found)
 
     def _smallest(
         self, without: int, open_: Sequence[int], most: int, budget: Budget
@@ -144,34 +172,39 @@ class Samples(Struct):
         self, without: int, open_: Sequence[int], most: int, budget: Budget
     ) -> list[Disjunction]:
         budget.spend(1 + len(open_) ** most // _PER_STEP)
-        lacks = {n: without & ~self.bits[n] for n in open_}
-        found: dict[Disjunction, None] = {(n,): None for n in open_ if not lacks[n]}
+        lacks = {1 << n: without & ~self.bits[n] for n in open_}
+        found: list[Disjunction] = [(n,) for n in open_ if not lacks[1 << n]]
         # What says nothing of these samples, or all by itself, is no part of what is smaller.
-        useful = [n for n in open_ if lacks[n] and lacks[n] != without]
-        begun: list[_Begun] = [((n,), lacks[n], k) for k, n in enumerate(useful, 1)]
-
-        @cache
-        def holding(sample: int) -> list[int]:
-            return [k for k, n in enumerate(useful) if not lacks[n] & sample]
-
-        def completing(lacking: int, following: int) -> list[int]:
-            # What is missing holds in one of the samples that are left, as in all others.
-            places = holding(lacking & -lacking)
-            return places[bisect_left(places, following) :]
-
-        for size in range(2, most + 1):
-            is_last, longer, whole = size == most, list[_Begun](), list[Disjunction]()
-            for x, lacking, following in begun:
-                after = completing(lacking, following) if is_last else range(following, len(useful))
-                for k in after:
-                    left = lacking & lacks[useful[k]]
-                    if not left:
-                        whole.append((*x, useful[k]))
-                    elif not is_last and left != lacking:
-                        longer.append(((*x, useful[k]), left, k + 1))
-            found |= {x: None for x in whole if not _has_smaller(x, found)}
+        useful = sum(one for one, lacking in lacks.items() if lacking and lacking != without)
+        begun: list[_Begun] = [(0, without, useful)]
+        for size in range(1, most + 1):
+            longer, whole = list[_Begun](), list[int]()
+            for x, lacking, others in begun:
+                # What is missing holds in one of the samples that are left, as in all others.
+                after = self._holding(lacking & -lacking) & others
+                while after:
+                    one = after & -after
+                    left = lacking & lacks[one]
+                    if left and size == most:
+                        # The only one that may be added holds in these samples as well.
+                        after &= self._holding(left & -left)
+                        continue
+                    after ^= one
+                    others ^= one  # all with this one are looked at from here on
+                    if left:
+                        longer.append((x | one, left, others))
+                    else:
+                        whole.append(x | one)
+            found += sorted(_positions(x) for x in whole if _is_smallest(x, lacks))
             begun = longer
-        return list(found)
+        return found
+
+    def _holding(self, sample: int) -> int:
+        """Which literals hold in a sample, which is one bit."""
+        if sample not in self.holding:
+            held = (1 << n for n, bits in enumerate(self.bits) if bits & sample)
+            self.holding[sample] = sum(held)
+        return self.holding[sample]
 
     def _holds(self, x: Disjunction) -> bool:
         """Return whether a disjunction held in all samples."""
@@ -181,9 +214,20 @@ class Samples(Struct):
         return held == self.full
 
 
-def _has_smaller(x: Disjunction, found: Container[Disjunction]) -> bool:
-    """Return whether a disjunction with one literal less was found."""
-    return any(x[:k] + x[k + 1 :] in found for k in range(len(x)))
+def _is_smallest(x: int, lacks: Mapping[int, int]) -> bool:
+    """Return whether a disjunction does not hold in all samples with one literal less."""
+    return all(
+        reduce(and_, (lacks[1 << n] for n in _positions(x ^ 1 << one)), -1) for one in _positions(x)
+    )
+
+
+def _positions(bits: int) -> Disjunction:
+    """The places of the bits that are set, ascending."""
+    found = []
+    while bits:
+        found.append((bits & -bits).bit_length() - 1)
+        bits &= bits - 1
+    return tuple(found)
 
 
 def _says_there_is(x: AnyLiteral) -> bool:

@@ -15,7 +15,9 @@ from koord.verify.engines.every_n.conditions import UNSET
 from koord.verify.engines.every_n.language import Language
 from koord.verify.engines.every_n.literals import (
     COUNT,
+    OF_H,
     OF_I,
+    OF_J,
     PLACES,
     AnyLiteral,
     Between,
@@ -88,12 +90,22 @@ class Looking:
     def truths(self, here: Snapshot, rows: Iterable[Row]) -> Iterator[int]:
         """Which literals hold of rows of a snapshot."""
         looked = _Looked(self, here)
+        several = [(of, places) for of, places in self.places.items() if len(places) > 1]
+        alone: dict[tuple[int | None, ...], int] = {}
         for row in rows:
-            held = looked.somebody(row[-1]) if self.there else 0
-            for of, places in self.places.items():
+            i, j, h, k = row
+            held = alone.get((i, k))
+            if held is None:
+                held = alone[i, k] = looked.alone((0, OF_I), row)
+            if j is not None:
+                of_j = alone.get((j, None, k))
+                if of_j is None:
+                    of_j = alone[j, None, k] = looked.alone((OF_J,), row)
+                held |= of_j
+            if h is not None:
+                held |= looked.alone((OF_H,), row)
+            for of, places in several:
                 held |= looked.simple(of, places, row)
-            for of in self.conditions:
-                held |= looked.condition(of, row)
             if self.between:
                 held |= _bits(self.between, here, row)
             yield held
@@ -127,6 +139,17 @@ class _Looked:
         if key not in self._views:
             self._views[key] = self.looking.view(self.here, robot, k)
         return self._views[key]
+
+    def alone(self, robots: Sequence[int], row: Row) -> int:
+        """What is said of a robot alone, or of nobody: the same in all rows that have it there."""
+        places, conditions = self.looking.places, self.looking.conditions
+        held = self.somebody(row[-1]) if 0 in robots and self.looking.there else 0
+        for of in robots:
+            if of in places:
+                held |= self.simple(of, places[of], row)
+            if of in conditions:
+                held |= self.condition(of, row)
+        return held
 
     def simple(self, of: int, places: Sequence[int], row: Row) -> int:
         """The literals about robots at some places that are no more than comparisons."""

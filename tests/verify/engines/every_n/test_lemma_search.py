@@ -374,6 +374,18 @@ def test_truths_are_looked_at_together_as_one_by_one(name: str) -> None:
                         assert bool(truths >> n & 1) is (x.look(here, row) is True)
 
 
+@pytest.mark.parametrize("name", ["client_server_ae", "distributed_lock"])
+def test_what_is_false_of_a_robot_is_known_whoever_the_others_are(name: str) -> None:
+    program = program_of(protocol_text(name))
+    language = Language.of_program(program)
+    met = snapshots(program, language, 40, 3)
+    samples = Samples.of(language, met, language.rows)
+    for here in met[:12]:
+        for row in (*language.rows(here), *language.triples(here)):
+            false = [n for n, x in enumerate(language.literals) if x.look(here, row) is False]
+            assert samples._false(here, row) == false
+
+
 @pytest.mark.parametrize("name", ["client_server_ae", "raft_votes", "mesi"])
 def test_conditions_that_are_known_are_as_if_worked_out_anew(name: str) -> None:
     program = program_of(protocol_text(name))
