@@ -1,7 +1,8 @@
 """The coordinator of a large fleet: its datagrams and CPU over UDP, and fleets in virtual time.
 
 *Without sockets*: what all other robots say is written by hand, so that 10,000 of them cost no more
-than their messages. *Over UDP*: the coordinator is a process of its own; the other robots are one
+than their messages. *On a simulated network*: all robots are in one process, and time is virtual.
+*Over UDP*: the coordinator is a process of its own; the other robots are one
 process, with a socket each, and rounds as long as that process needs. The coordinator's CPU, the
 kernel's share of it included, does not depend on how long rounds are; *at 10 rounds/s* is the part
 of a core that it would need then. *In virtual time* each robot is busy with each message for as
@@ -25,8 +26,8 @@ from typing import TypeVar
 from msgspec.structs import replace
 
 from harness import Column, Report, main, note
-from koord.runtime.chaos.network import CALM, LOSS, Faults
-from koord.runtime.chaos.storm import Journal, StormPlan, StormRobot, proposal_of, weather
+from koord.runtime.chaos.network import CALM, LOSS, Faults, Network
+from koord.runtime.chaos.storm import Journal, Ledgers, StormPlan, StormRobot, proposal_of, weather
 from koord.runtime.node import Peer
 from koord.runtime.proposals import INIT_ROUND
 from koord.runtime.protocol.messages import (
@@ -369,8 +370,50 @@ def in_virtual_time(report: Report, message_s: float) -> None:
             )
 
 
+def simulated(report: Report) -> None:
+    """Measure whole fleets on a calm simulated network, in one process, no invariant looked at."""
+    table = report.table(
+        f"All robots on a simulated network, δ = {DELTA_S} s",
+        Column("robots", "robots"),
+        Column("rounds", "rounds a simulated second", 1),
+        Column("cpu_s", "CPU s of it", 2),
+        Column("least_ms", "of the quickest round, ms", 0),
+        Column("robot_us", "µs a robot and round", 0),
+    )
+    lasts_s = 1.0 if report.quick else 5.0
+    for robots in QUICK if report.quick else (100, 1000):
+        note(f"{robots} robots on a simulated network")
+        setup = Setup(robots, Timing.of(DELTA_S, robots))
+        network = Network(setup, CALM, 1, Ledgers(setup).switch_on)
+
+        def until(time_s: float, network: Network = network) -> None:
+            while network.now < time_s:
+                network.step()
+                network.sent.clear()
+
+        until(3.5 * DELTA_S)
+        before = max(state.round for state in network.running())
+        spent_s = []
+        for k in range(1, 1 + round(lasts_s / DELTA_S)):
+            begun = time.process_time()
+            until((3.5 + k) * DELTA_S)
+            spent_s.append(time.process_time() - begun)
+        rounds = max(state.round for state in network.running()) - before
+        report.expect(rounds >= 0.9 * lasts_s / DELTA_S, f"{robots} robots: {rounds} rounds")
+        table.rows.append(
+            {
+                "robots": robots,
+                "rounds": rounds / lasts_s,
+                "cpu_s": sum(spent_s) / lasts_s,
+                "least_ms": 1e3 * min(spent_s),
+                "robot_us": 1e6 * sum(spent_s) / robots / max(rounds, 1),
+            }
+        )
+
+
 def benchmark(report: Report) -> None:
     without_sockets(report)
+    simulated(report)
     in_virtual_time(report, over_udp(report))
 
 

@@ -14,6 +14,7 @@ KEYS = "tests/runtime/test_keys.py"
 ENCRYPTION = "tests/runtime/test_encryption.py"
 RECOVERY = "tests/runtime/test_recovery.py"
 HANDSHAKE = "tests/runtime/test_handshake.py"
+ALIKE = "tests/runtime/test_alike.py"
 DEPLOY = "tests/runtime/test_deploy.py"
 PROOF = "tests/refinement/test_protocol_proof.py"
 CORRESPONDENCE = "tests/refinement/test_protocol_correspondence.py"
@@ -587,6 +588,13 @@ WIRE_MISTAKES = (
         "datagram[KIND_AT] >= FIRST_HANDSHAKE_KIND",
         "datagram[KIND_AT] > FIRST_HANDSHAKE_KIND",
         (TRANSPORTS,),
+    ),
+    Mutant(
+        "what was worked out of another history is taken",
+        "runtime.alike.kept_of_two",
+        "known is not None and known[0] is a and known[1] is b",
+        "known is not None and known[1] is b",
+        (ALIKE,),
     ),
     Mutant(
         "the model's actions do nothing",

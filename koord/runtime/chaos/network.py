@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from enum import Enum
 from heapq import heappop, heappush
 from random import Random
@@ -51,15 +50,6 @@ CHAOS = Faults(
 )
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class Due:
-    """A scheduled occurrence; ``number`` keeps the order of equal times."""
-
-    at: float
-    number: int
-    what: Occurrence = field(compare=False)
-
-
 class Delivery(Struct, frozen=True):
     """The arrival of a message."""
 
@@ -93,6 +83,9 @@ class Weather(Struct, frozen=True):
 
 
 Occurrence = Delivery | Reading | Wake | Birth | Weather
+
+#: A scheduled occurrence: its time, a number that keeps the order of equal times, and what it is.
+Due = tuple[float, int, Occurrence]
 
 
 class Sent(Struct, frozen=True):
@@ -149,6 +142,7 @@ class Network:
         self._random = Random(seed)
         self._due: list[Due] = []
         self._busy_until = [0.0] * setup.robots
+        self._awaited = [-1.0] * setup.robots  #: the time of the last Wake that is still to come
         self._number = 0
         self._births = 0
         self._new = switch_on
@@ -162,15 +156,17 @@ class Network:
 
     def step(self) -> int | None:
         """Let the next occurrence happen; return the robot that it concerns, if any."""
-        due = heappop(self._due)
-        self.now = max(self.now, due.at)
-        match due.what:
+        at, _, what = heappop(self._due)
+        self.now = max(self.now, at)
+        match what:
             case Delivery() as delivery if self.faults.reading_s > 0:
                 self._queue(delivery)
                 return None
             case (Delivery() as delivery) | Reading(delivery=delivery):
                 return self._hand_over(delivery)
             case Wake(robot=robot):
+                if self._awaited[robot] == at:
+                    self._awaited[robot] = -1.0
                 node = self.nodes[robot]
                 if node is None or node.due is None or node.due > self.now:
                     return None
@@ -238,12 +234,16 @@ class Network:
 
     def _later(self, after_s: float, what: Occurrence) -> None:
         self._number += 1
-        heappush(self._due, Due(self.now + after_s, self._number, what))
+        heappush(self._due, (self.now + after_s, self._number, what))
 
     def _await(self, robot: int) -> None:
         node = self.nodes[robot]
-        if node is not None and node.due is not None:
-            self._later(max(0.0, node.due - self.now), Wake(robot))
+        due = None if node is None else node.due
+        if due is not None:
+            after_s = max(0.0, due - self.now)
+            if self._awaited[robot] != self.now + after_s:
+                self._awaited[robot] = self.now + after_s
+                self._later(after_s, Wake(robot))
 
     # --- crashes and cuts -----------------------------------------------------------------------
 
@@ -284,7 +284,7 @@ class Network:
     @property
     def _lost(self) -> int:
         """Robots that are down and will be back without a disk, or never."""
-        coming = sum(isinstance(due.what, Birth) and due.what.has_disk for due in self._due)
+        coming = sum(isinstance(what, Birth) and what.has_disk for _, _, what in self._due)
         return sum(node is None for node in self.nodes) - coming
 
     def _newcomers(self) -> int:

@@ -6,13 +6,15 @@ would lose in a crash and what it keeps in a journal on disk are as on a real ro
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from random import Random
+from types import MappingProxyType
 
 import msgspec
 from msgspec import Struct, field
 from msgspec.structs import replace
 
+from koord.runtime.alike import kept_of_two
 from koord.runtime.chaos.network import CALM, Faults, Network, Newborn, Sent, SwitchedOn
 from koord.runtime.exploration.claims import (
     Accepted,
@@ -23,7 +25,15 @@ from koord.runtime.exploration.claims import (
     one_winner,
     valid,
 )
-from koord.runtime.proposals import INIT_ROUND, Admitted, Attempt, Plain, Proposal, Write
+from koord.runtime.proposals import (
+    INIT_ROUND,
+    Admitted,
+    Attempt,
+    Decision,
+    Plain,
+    Proposal,
+    Write,
+)
 from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.messages import (
     INCARNATION_STEP,
@@ -68,13 +78,28 @@ def proposal_of(robot: int, round_: int) -> Proposal:
             return Proposal(robot, round_, (Attempt(3, (shared, own), (choice % CLASSES,)),))
 
 
+#: A store by location. It never changes: each round has its own, for all robots at that place.
+Stored = Mapping[tuple[Plain, ...], Plain]
+
+_EMPTY: Stored = MappingProxyType({})
+
+
+@kept_of_two
+def _after(store: Stored, decision: Decision) -> Stored:
+    """The store after a decision."""
+    changed = dict(store)
+    for write in decision.writes:
+        changed[(write.variable, *write.path)] = write.value
+    return changed
+
+
 class Journal(Struct):
     """The disk of a robot: its last proposal, the rounds that were kept, and what it saved."""
 
     proposed: Proposal | None = None
     kept: list[int] = field(default_factory=list)
     saved: Durable | None = None
-    store: dict[tuple[Plain, ...], Plain] = field(default_factory=dict)
+    store: Stored = field(default_factory=lambda: _EMPTY)
     is_mute: bool = False  #: an earlier disk was lost, and the robot's locals with it
 
 
@@ -83,7 +108,7 @@ class StormRobot:
 
     def __init__(self, pid: int, journal: Journal) -> None:
         self.pid = pid
-        self.store: dict[tuple[Plain, ...], Plain] = {}
+        self.store = _EMPTY
         self.round = INIT_ROUND
         self.holding: Reason | None = None
         self.acted: list[LogEntry] = []
@@ -100,18 +125,17 @@ class StormRobot:
         return self._journal.proposed
 
     def save(self, kept: Durable) -> bool:
-        self._journal.saved, self._journal.store = kept, dict(self.store)
+        self._journal.saved, self._journal.store = kept, self.store
         return True
 
     def come_back(self, saved: Durable) -> None:
         """Be where the disk says. Entries that were committed since are committed again."""
-        self.store, self.round = dict(self._journal.store), saved.round
+        self.store, self.round = self._journal.store, saved.round
 
     def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
         if entry.round != self.round:
             raise AssertionError(f"{self.pid} commits {entry.round}, and is at {self.round}")
-        for write in entry.decision.writes:
-            self.store[(write.variable, *write.path)] = write.value
+        self.store = _after(self.store, entry.decision)
         if kept is not None:
             self._keep(entry.round)
         self.round += 1

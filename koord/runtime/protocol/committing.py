@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from koord.runtime.alike import kept_of_one, kept_of_two
 from koord.runtime.proposals import Admitted
 from koord.runtime.protocol.events import Begin, Commit, Reason, RunEnded, Timer
 from koord.runtime.protocol.messages import (
@@ -51,10 +52,12 @@ def outrank(turn: StepContext) -> None:
 
 def admitted_of(entry: LogEntry, pid: int) -> Admitted | None:
     """A robot's turn in an entry; None if it was not let through."""
-    for taken in entry.decision.ran:
-        if taken.robot == pid:
-            return taken
-    return None
+    return _by_robot(entry.decision.ran).get(pid)
+
+
+@kept_of_one
+def _by_robot(ran: tuple[Admitted, ...]) -> dict[int, Admitted]:
+    return {taken.robot: taken for taken in ran}
 
 
 def after_entry(
@@ -74,12 +77,13 @@ def _roster(roster: tuple[int, ...], entry: LogEntry) -> tuple[int, ...]:
     return tuple(changed)
 
 
+@kept_of_two
 def _last_ran(before: tuple[LastRun | None, ...], entry: LogEntry) -> tuple[LastRun | None, ...]:
     if not entry.decision.ran:
         return before
-    changed = list(before)
+    changed, round_ = list(before), entry.round
     for taken in entry.decision.ran:
-        changed[taken.robot] = LastRun(entry.round, taken.event)
+        changed[taken.robot] = LastRun(round_, taken.event)
     return tuple(changed)
 
 

@@ -6,6 +6,7 @@ from hashlib import blake2b
 
 from msgspec import Struct
 
+from koord.runtime.alike import kept_of_one
 from koord.runtime.encoding import encode
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Decision, Flat, Proposal
@@ -51,6 +52,7 @@ class LogEntry(Flat, frozen=True):
         return self.decision.round
 
 
+@kept_of_one
 def digest(entry: LogEntry) -> bytes:
     """The digest of the history that ends with an entry."""
     return blake2b(encode(entry), digest_size=DIGEST_BYTES).digest()

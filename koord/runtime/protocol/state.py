@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import chain
 from typing import Any, TypeVar
 
@@ -275,9 +276,21 @@ def _new(setup: Setup, pid: int, incarnation: int, office: Office) -> State:
         pid=pid,
         incarnation=incarnation,
         office=office,
-        roster=(FIRST_INCARNATION,) * setup.robots,
-        last_ran=(None,) * setup.robots,
+        roster=_everyone_first(setup.robots),
+        last_ran=_nobody(setup.robots),
     )
+
+
+@lru_cache(maxsize=8)
+def _everyone_first(robots: int) -> tuple[int, ...]:
+    """The roster at first, one object for all robots of a process."""
+    return (FIRST_INCARNATION,) * robots
+
+
+@lru_cache(maxsize=8)
+def _nobody(robots: int) -> tuple[LastRun | None, ...]:
+    """What robots last ran at first, one object for all robots of a process."""
+    return (None,) * robots
 
 
 def put(items: tuple[T, ...], place: int, item: T) -> tuple[T, ...]:
