@@ -14,6 +14,7 @@ import msgspec
 from msgspec import Struct
 
 import koord
+from koord.api.program_files import ParamValue, param_value
 from koord.api.robots import Robots
 
 #: What hears of progress: a line of text, and the verdicts so far as JSON, where there are any.
@@ -22,6 +23,9 @@ Teller: TypeAlias = Callable[[str, str], None]
 #: What a program is called in messages.
 NAME = "program.krd"
 
+#: One value of a param, and what is behind it.
+_PARAM = re.compile(r"([A-Za-z_]\w*)\s*=\s*(\[[^\]]*\]|[^,\[\]]+)(?:,\s*|$)")
+
 #: More would fill the page, and the memory that it has.
 MOST_ROUNDS = 1000
 
@@ -29,8 +33,8 @@ MOST_ROUNDS = 1000
 class Request(Struct, frozen=True, forbid_unknown_fields=True):
     """What is to be done with a text; ``robots`` is a number, ``any``, ``Car=2, Drone=1`` or empty.
 
-    Without a number of robots it is that which the program states. ``policy`` and ``seed`` are
-    those of runs.
+    Without a number of robots it is that which the program states. ``params`` are values of its
+    params: ``tasks=4, spots=[1, 2]``. ``policy`` and ``seed`` are those of runs.
     """
 
     do: Literal["check", "verify", "run"]
@@ -39,6 +43,7 @@ class Request(Struct, frozen=True, forbid_unknown_fields=True):
     rounds: int = 20
     policy: Literal["first", "random"] = "first"
     seed: int = 0
+    params: str = ""
 
 
 class Problem(Struct, frozen=True):
@@ -90,7 +95,11 @@ def answer(request: str, tell: Teller) -> str:
 def answered(asked: Request, tell: Teller) -> Answer:
     """Do what is asked. What is wrong with a program, or with what is asked of it, is an answer."""
     tell("reading the program", "")
-    report = koord.check(koord.Source(NAME, asked.text))
+    try:
+        report = koord.check(koord.Source(NAME, asked.text), params=params_of(asked.params))
+    except koord.ArgumentError as error:
+        problems = [_whole(f"{error.argument}: {error.message}")]
+        return Answer("refused", problems[-1].message, problems)
     problems = [_problem(one) for one in report.diagnostics]
     if report.program is None or asked.do == "check":
         errors, warnings = len(report.errors), len(report.warnings)
@@ -149,6 +158,20 @@ def robots_of(text: str) -> Robots:
     return {name: int(number) for name, number in kinds}
 
 
+def params_of(text: str) -> dict[str, ParamValue]:
+    """Read values of params. Raises ArgumentError where they are none."""
+    found: dict[str, ParamValue] = {}
+    rest = text.strip().rstrip(",")
+    while rest:
+        match = _PARAM.match(rest)
+        value = None if match is None else param_value(match[2])
+        if match is None or value is None:
+            raise koord.ArgumentError("params", f"{rest!r} are no values: tasks=4, spots=[1, 2]")
+        found[match[1]] = value
+        rest = rest[match.end() :]
+    return found
+
+
 def _marks(report: koord.VerifyReport, document: koord.Document) -> list[Mark]:
     """The verdicts of a report, each at its line."""
     from koord.api.verdict_marks import verdict_marks
@@ -166,7 +189,7 @@ def _verified(
     problems: list[Problem],
     tell: Teller,
 ) -> Answer:
-    document, known = koord.document(program.source), ""
+    document, known = koord.document(program.source, params=program.settings.params), ""
 
     def hear(heard: koord.Progress) -> None:
         nonlocal known

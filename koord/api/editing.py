@@ -13,7 +13,6 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from koord.api.param_places import param_place
 from koord.api.programs import CheckReport, Program, Text, Value, exact, source_of
 from koord.syntax.diagnostics import Diagnostic as Diagnostic
 from koord.syntax.diagnostics import Edit as Edit
@@ -175,7 +174,9 @@ class Document:
 
     def _configured(self, symbol: Symbol) -> Iterator[Span]:
         """Where configurations give a value to a param of the program."""
-        if symbol.kind is SymbolKind.PARAM and not symbol.in_library:
+        if self._configurations and symbol.kind is SymbolKind.PARAM and not symbol.in_library:
+            from koord.api.param_places import param_place  # YAML, which browsers do not have
+
             for source in self._configurations:
                 place = param_place(source, symbol.name)
                 if place is not None:

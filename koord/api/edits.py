@@ -22,12 +22,16 @@ from koord.syntax.source import Source
 
 
 class Edit(Struct, frozen=True):
-    """An edited program: compiled, or with what is wrong with it. ``sources`` are its texts."""
+    """An edited program: compiled, or with what is wrong with it. ``sources`` are its texts.
+
+    It is ``agreed`` to what it does not keep if it was put back, and saved again as it was.
+    """
 
     sources: tuple[Source, ...]
     fitted: Fitted | None
     built: Built | None
     diagnostics: tuple[Diagnostic, ...] = ()
+    agreed: bool = False
 
 
 class Edits(Protocol):
@@ -35,6 +39,10 @@ class Edits(Protocol):
 
     def take(self, round_: int) -> Edit | None:
         """The edit to go on with before a round, if there is one; each is given once."""
+        ...
+
+    def put_back(self, edit: Edit) -> None:
+        """Give an edit again, as agreed, when it is saved again as it is."""
         ...
 
 
@@ -53,6 +61,7 @@ class ListedEdits:
 
     def __init__(self, request: FitRequest, texts: Iterable[tuple[int, str]]) -> None:
         self._request, self._texts = request, sorted(texts)
+        self._back: Edit | None = None
 
     def take(self, round_: int) -> Edit | None:
         text: str | None = None
@@ -61,7 +70,13 @@ class ListedEdits:
         if text is None:
             return None
         source = replace(self._request.source, text=text)
+        back, self._back = self._back, None
+        if back is not None and back.sources[0] == source:
+            return replace(back, agreed=True)
         return edit_of(self._request, source, self._request.properties)
+
+    def put_back(self, edit: Edit) -> None:
+        self._back = edit
 
 
 class FileEdits:
@@ -75,6 +90,7 @@ class FileEdits:
         self._before: list[Stamp] | None = []  # what was saved since they were read counts
         self._lock, self._over = threading.Lock(), threading.Event()
         self._edit: Edit | None = None
+        self._back: Edit | None = None
         self._texts = (request.source, *request.properties)
         self._thread = threading.Thread(target=self._watch, name="edits", daemon=True)
 
@@ -91,6 +107,10 @@ class FileEdits:
             edit, self._edit = self._edit, None
         return edit
 
+    def put_back(self, edit: Edit) -> None:
+        with self._lock:
+            self._back = edit
+
     def look(self) -> None:
         """Look whether the files have changed, and compile them if so."""
         now = stamps_of(self._paths)
@@ -102,10 +122,15 @@ class FileEdits:
         except KoordError as error:
             edit = Edit(self._texts, None, None, error.diagnostics)
         else:
-            if texts == self._texts:
-                return  # saved as it was
+            with self._lock:
+                back, self._back = self._back, None
+            if texts == self._texts:  # saved as it was
+                if back is None:
+                    return
+                edit = replace(back, agreed=True)
+            else:
+                edit = edit_of(self._request, texts[0], texts[1:])
             self._texts = texts
-            edit = edit_of(self._request, texts[0], texts[1:])
         with self._lock:
             self._edit = edit
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from koord.api.results import ArgumentError
-from koord.api.stories import Story, of_refused, of_step, of_verdict, story
+from koord.api.stories import Story, of_programs, of_refused, of_step, of_verdict, story
 from koord.api.story_page import Stories, ToldClaim, ToldReport, page_of
 from koord.api.verdict_documents import claim_form
 from koord.traces import story_form
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from koord.api.traces import Trace
     from koord.api.verdicts import Parts, Verdict
     from koord.api.verify_report import VerifyReport
+    from koord.traces.trace import Trace as Recorded
 
 
 def html(
@@ -27,7 +28,8 @@ def html(
 
     Of a trace, a run, a replay, a verdict with a counterexample or a refused run of
     :func:`koord.refine` it shows the run, turn by turn; of a whole verification all verdicts, what
-    they rest on, and each counterexample. Raises :class:`koord.ArgumentError` for a verdict without
+    they rest on, and each counterexample. A run whose program was changed has a story for each
+    program. Raises :class:`koord.ArgumentError` for a verdict without
     a counterexample, or where no run was refused.
 
     >>> Path("task.html").write_text(koord.html(koord.verify("task.krd")))
@@ -43,10 +45,31 @@ def html(
             return found.to_html()
         case VerifyReport():
             return verification_page([found])
+        case Trace() | RunReport() | ReplayReport() if _has_programs(found):
+            return _page_of_programs(found)
         case Trace() | RunReport() | ReplayReport() | Verdict():
             return story(found).to_html()
         case _:  # a refinement, whose module loads robots and their networks
             return of_refinement(found).to_html()
+
+
+def _recorded(found: Trace | RunReport | ReplayReport) -> Recorded:
+    from koord.api.traces import Trace
+
+    return found.recorded if isinstance(found, Trace) else found.trace.recorded
+
+
+def _has_programs(found: Trace | RunReport | ReplayReport) -> bool:
+    """Whether a run has more than one program, and is legal as far as is known."""
+    return bool(_recorded(found).later) and getattr(found, "legal", True)
+
+
+def _page_of_programs(found: Trace | RunReport | ReplayReport) -> str:
+    """A page of a run whose program was changed, with a story for each program. [RELOAD]"""
+    recorded = _recorded(found)
+    told = of_programs(recorded, getattr(found, "broken", None))
+    title = f"a run of {recorded.sources.program.name}"
+    return page_of(title, Stories("koord-stories", 1, [], [one.told for one in told]))
 
 
 def of_refinement(found: Refinement) -> Story:

@@ -22,7 +22,8 @@ from msgspec import Struct
 
 from koord.api.files import read_program
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.literals import ParamValue, read_number
+from koord.syntax.literals import ParamValue as ParamValue
+from koord.syntax.literals import read_number
 from koord.syntax.source import Source, normalise
 from koord.syntax.vocabulary import SECTIONS
 
@@ -192,17 +193,17 @@ def _said(text: str) -> _Said:
                 files.append(value)
             elif flag == "--set" and "=" in value:
                 name, _, given = value.partition("=")
-                known = _value(given)
+                known = param_value(given)
                 if known is not None:
                     params.append((name, known))
     return _Said(tuple(files), tuple(params))
 
 
-def _value(text: str) -> ParamValue | None:
-    """The value of a param as ``--set`` has it; None while it is half written."""
+def param_value(text: str) -> ParamValue | None:
+    """The value of a param as ``--set`` has it: a number, true, a word, a list; None of others."""
     text = text.strip()
     if text.startswith("[") and text.endswith("]"):
-        items = [_value(one) for one in text[1:-1].split(",")] if text[1:-1].strip() else []
+        items = [param_value(one) for one in text[1:-1].split(",")] if text[1:-1].strip() else []
         known = tuple(item for item in items if item is not None)
         return known if len(known) == len(items) else None
     if text.lower() in ("true", "false"):

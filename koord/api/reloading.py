@@ -60,10 +60,15 @@ class Reloading:
         make: Next,
         tell: Listener,
         tracing: Tracing | None,
+        *,
+        asks: bool = False,
     ) -> None:
-        """Make what looks for edits between rounds; ``make`` makes other programs for the run."""
+        """Make what looks for edits between rounds; ``make`` makes other programs for the run.
+
+        If it ``asks``, an edit that drops values is taken when it is saved again as it is.
+        """
         self.fitted, self._simulation, self._edits, self._tell = fitted, simulation, edits, tell
-        self._make, self._tracing = make, tracing
+        self._make, self._tracing, self._asks = make, tracing, asks
         simulation.striding, simulation.waits = None, True
 
     def between_rounds(self) -> None:
@@ -77,6 +82,12 @@ class Reloading:
         if edit.fitted is None or edit.built is None:
             self._refuse(edit, edit.diagnostics)
             return
+        if self._asks and not edit.agreed:
+            dropped = self._dropped(edit.fitted)
+            if dropped:
+                self._edits.put_back(edit)
+                self._refuse(edit, (_question(edit, dropped),))
+                return
         try:
             notes = self._go_on(edit.fitted, edit.built)
         except IllegalStepError as error:
@@ -112,6 +123,15 @@ class Reloading:
             )
         )
 
+    def _dropped(self, fitted: Fitted) -> list[str]:
+        """The variables whose values an edited program does not keep."""
+        new = replace(self.fitted, program=fitted.program, kinds=fitted.kinds)
+        try:
+            match = correspondence(system_of(self.fitted), system_of(new))
+        except IllegalStepError:
+            return []  # which is told when it is tried
+        return [one.name for one in match.unkept if one.fate is not Fate.NEW]
+
     def _go_on(self, fitted: Fitted, built: Built) -> tuple[str, ...]:
         """Go on with a program. Raises IllegalStepError and KoordError where it cannot."""
         simulation, old = self._simulation, self.fitted
@@ -141,6 +161,13 @@ class Reloading:
             self._tracing.go_on(traced, finished, simulation)
         self.fitted = fitted
         return notes
+
+
+def _question(edit: Edit, dropped: Sequence[str]) -> Diagnostic:
+    names = ", ".join(f"`{name}`" for name in dropped)
+    story = f"the edited program would drop what is in {names}"
+    hint = "save it again as it is to go on with it all the same; the program that runs goes on"
+    return Diagnostic("K959", Severity.ERROR, whole_file(edit.sources[0].name), story, hint)
 
 
 # --- words ----------------------------------------------------------------------------------------

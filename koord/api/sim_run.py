@@ -50,11 +50,14 @@ class SimulationRequest(Struct, frozen=True):
     planners: int = 0  #: so many processes plan meanwhile
     reload: bool = False  #: go on with edits of the program
     edits: Edits | None = None  #: where these come from
+    ask: bool = False  #: take those that drop values when they are saved a second time
 
     def check(self) -> None:
         """Check what does not hang on the program. Raises ArgumentError."""
         if self.reload:
             self._check_reload()
+        elif self.ask:
+            raise ArgumentError("ask", "only edits are asked about: say `reload=`")
         if not 0 <= self.planners <= MOST_JOBS:
             raise ArgumentError("planners", f"must be from 0 to {MOST_JOBS}, not {self.planners}")
 
@@ -99,7 +102,9 @@ def play(
         make = partial(
             next_program, check_summaries=request.check_summaries, kernels=request.kernels
         )
-        reloading = Reloading(fitted, simulation, request.edits, make, tell, tracing)
+        reloading = Reloading(
+            fitted, simulation, request.edits, make, tell, tracing, asks=request.ask
+        )
     tell(SimulationBegun("the run begins", setup=setup, processes=len(simulation.groups)))
     with growing(request.outputs, simulation, tracing, tell) as round_is_over:
         told = 0

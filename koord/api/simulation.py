@@ -46,6 +46,7 @@ def simulate(
     live: bool = False,
     pace: float | None = None,
     reload: bool = False,
+    ask: bool = False,
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Simulated:
@@ -67,7 +68,8 @@ def simulate(
     ``.svg``, ``.pdf``), ``trace``. ``live`` serves the page while the run goes on, ``pace`` times
     as quickly as time goes by; ``progress`` hears of its address as ``PageServed``. With
     ``reload`` it goes on with the edited program whenever its file is saved, and ends when it is
-    cancelled, unless a limit is given; ``progress`` hears of it as ``ProgramReloaded``.
+    cancelled, unless a limit is given; ``progress`` hears of it as ``ProgramReloaded``. If it is to
+    ``ask``, an edit that drops values is taken when it is saved again as it is.
 
     Raises :class:`koord.KoordError` for what is wrong with the input.
 
@@ -95,6 +97,7 @@ def simulate(
         kernels,
         planners,
         reload,
+        ask=ask,
     )
     request.check()
     if schedule is None:
@@ -108,7 +111,7 @@ def simulate(
                 return simulate_fitted(fit(asked), request, progress, cancellation)
         return simulate_fitted(fit(asked), request, progress, cancellation)
     given = (config, params, robots, seed, delta_s, trace)
-    if processes or planners or reload or any(one is not None for one in given):
+    if processes or planners or reload or ask or any(one is not None for one in given):
         story = "a recorded run is played as it is: only its end and its outputs can be chosen"
         raise ArgumentError("schedule", story)
     from koord.api.rehearsal import rehearse

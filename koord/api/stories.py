@@ -14,10 +14,11 @@ from msgspec.structs import replace
 
 from koord.api.results import Result
 from koord.api.story_page import Stories, framed, page_of
+from koord.semantics.recordings import Reached, execute
 from koord.syntax.source import counted
 from koord.traces import story_form as forms
 from koord.traces.story import story_of
-from koord.traces.trace import BEFORE_ROUNDS
+from koord.traces.trace import BEFORE_ROUNDS, Violation
 from koord.traces.trace import Trace as Recorded
 
 if TYPE_CHECKING:
@@ -176,6 +177,34 @@ def compiled_changes(departure: Rerun) -> tuple[Change, ...]:
 # --- replays and refinement -----------------------------------------------------------------------
 
 
+def of_programs(trace: Recorded, broken: Violation | None = None) -> list[Story]:
+    """Tell a run whose program was changed: a story for each program, in order. [RELOAD]
+
+    ``broken`` is the claim that the run breaks, which its trace does not say.
+    """
+    told: list[Story] = []
+    before, behind = None, 0
+    for number, part in enumerate(trace.parts, 1):
+        rounds = len(part.recording.rounds)
+        steps = list(execute(part.numbers.domain, part.system, part.recording, before=before))
+        title = f"program {number} of {len(trace.parts)}"
+        one = story_of(part, title=title, steps=steps, behind=behind)
+        behind += rounds
+        if number < len(trace.parts):
+            headline = f"another program goes on behind round {behind}"
+            one.ending = replace(one.ending, headline=headline)
+        elif broken is not None and one.ending.kind == "done":
+            one.ending = _broken(one.ending, broken)
+        told.append(Story(one))
+        before = Reached(part.system, part.configurations[-1])
+    return told
+
+
+def _broken(ending: forms.StoryEnding, broken: Violation) -> forms.StoryEnding:
+    where = f"in round {broken.round + 1}" if broken.round != BEFORE_ROUNDS else "at the start"
+    return replace(ending, kind="violated", headline=f"{broken.name} does not hold, {where}")
+
+
 def of_replay(report: ReplayReport) -> Story:
     """The story of a replay: of all steps, or of those before the first one that is wrong."""
     recorded = report.trace.recorded
@@ -186,9 +215,7 @@ def of_replay(report: ReplayReport) -> Story:
     if report.compared:
         ending = _compared(ending, report.departure)
     if report.broken is not None and ending.kind == "done":
-        broken = report.broken
-        where = f"in round {broken.round + 1}" if broken.round != BEFORE_ROUNDS else "at the start"
-        ending = replace(ending, kind="violated", headline=f"{broken.name} does not hold, {where}")
+        ending = _broken(ending, report.broken)
     told.ending = ending
     return Story(told)
 

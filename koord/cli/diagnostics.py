@@ -42,6 +42,7 @@ _FLAGS = {
     "properties": "--with",
     "record": "--record",
     "reload": "--reload",
+    "ask": "--ask",
     "resume": "--resume",
     "rests_on": "--rests-on",
     "robots": "--robots",

@@ -215,6 +215,12 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
         "saved; the run ends with Ctrl-C, unless --rounds or --time say when",
     )
     parser.add_argument(
+        "--ask",
+        action="store_true",
+        help="with --reload: an edit that would drop values is told of, and taken when its file is "
+        "saved again as it is",
+    )
+    parser.add_argument(
         "--pace",
         metavar="FACTOR",
         type=pace,
@@ -341,6 +347,7 @@ def _request(arguments: argparse.Namespace) -> SimulationRequest:
         kernels=arguments.kernels == "on",
         planners=arguments.planners,
         reload=arguments.reload,
+        ask=arguments.ask,
     )
 
 
@@ -385,6 +392,7 @@ def _rehearse(arguments: argparse.Namespace) -> int:
         "--processes": arguments.processes,
         "--planners": arguments.planners != 0,
         "--reload": arguments.reload,
+        "--ask": arguments.ask,
     }
     for name, is_given in given.items():
         if is_given:

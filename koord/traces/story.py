@@ -49,11 +49,17 @@ _PLACES = ("position", "psn")
 
 
 def story_of(
-    trace: Trace, *, title: str = "", steps: Sequence[Step] | None = None, tracked: bool = True
+    trace: Trace,
+    *,
+    title: str = "",
+    steps: Sequence[Step] | None = None,
+    tracked: bool = True,
+    behind: int = 0,
 ) -> Story:
     """Tell a trace, whose steps are legal; ``steps`` are those to tell, where it is known.
 
-    ``tracked``: the statement that the trace breaks is evaluated after every turn.
+    ``tracked``: the statement that the trace breaks is evaluated after every turn. So many rounds
+    of the run, of other programs, lie ``behind``: those of the trace are counted from there.
     """
     d, system = trace.numbers.domain, trace.system
     if steps is None:
@@ -69,7 +75,7 @@ def story_of(
     told = steps[first:]
     before = steps[first - 1].configuration if first else None
     places = partial(_place, frozenset(source.name for source in trace.sources.texts))
-    moments = list(_moments(trace, table, told, before, places))
+    moments = list(_moments(trace, table, told, before, places, behind))
     world = _world(system, table)
     tracks = tracks_of(trace, told, steps) if tracked and told else []
     return Story(
@@ -89,7 +95,7 @@ def story_of(
         tracks=tracks,
         loop=_loop(trace),
         world=world,
-        ending=_ending(trace, told, _breaking(trace, tracks, told), places),
+        ending=_ending(trace, told, _breaking(trace, tracks, told), places, behind),
     )
 
 
@@ -193,6 +199,7 @@ def _moments(
     steps: Iterable[Step],
     before: Configuration[Constant] | None,
     places: Callable[[Span], StoryPlace | None],
+    behind: int,
 ) -> Iterator[Moment]:
     """The steps as moments; the table's texts are those before the first one, at the end."""
     system, d = trace.system, trace.numbers.domain
@@ -202,7 +209,7 @@ def _moments(
     for step in steps:
         after = step.configuration
         changes = list(table.changes(before, after))
-        if before is None and step.rule == "INIT":
+        if before is None and step.rule in ("INIT", "RELOAD"):
             start = list(table.texts)
             changes = []
         event = None
@@ -218,7 +225,7 @@ def _moments(
                 (e.name for e, is_open in events if is_open and e.lock_classes & before.taken), None
             )
         yield Moment(
-            round=step.round + 1,
+            round=0 if step.round == BEFORE_ROUNDS else step.round + 1 + behind,
             rule=step.rule,
             robot=step.robot,
             event=event,
@@ -291,7 +298,11 @@ def _breaking(trace: Trace, tracks: Sequence[Track], told: Sequence[Step]) -> in
 
 
 def _ending(
-    trace: Trace, told: Sequence[Step], moment: int, places: Callable[[Span], StoryPlace | None]
+    trace: Trace,
+    told: Sequence[Step],
+    moment: int,
+    places: Callable[[Span], StoryPlace | None],
+    behind: int,
 ) -> StoryEnding:
     """The end of a legal trace: a fault, a violation, a loop, or just its last round."""
     done = StoryEnding("done", "the run ends here", moment, "", "", None, None, "", "", [], [])
@@ -303,7 +314,7 @@ def _ending(
         return replace(
             done,
             kind="fault",
-            headline=f"fault{whose}: {fault.kind.value}, {when(told[-1])}",
+            headline=f"fault{whose}: {fault.kind.value}, {when(told[-1], behind)}",
             moment=len(told) - 1,
             detail=fault.detail,
             rule="FAULT",
@@ -324,13 +335,13 @@ def _ending(
         return replace(
             done,
             kind="violated",
-            headline=f"{_broken(violation)}, {when(last)}",
+            headline=f"{_broken(violation)}, {when(last, behind)}",
             rule=_RULES[violation.kind],
             place=_place_of(trace, violation, places),
             robot=violation.robot,
         )
     if last.round != BEFORE_ROUNDS:
-        return replace(done, headline=f"the run ends {when(last)}")
+        return replace(done, headline=f"the run ends {when(last, behind)}")
     return done
 
 
@@ -352,11 +363,11 @@ _RULES = {
 }
 
 
-def when(step: Step) -> str:
-    """The end of a step in words."""
+def when(step: Step, behind: int = 0) -> str:
+    """The end of a step in words; so many rounds of other programs lie behind it."""
     if step.round == BEFORE_ROUNDS:
         return "at the start"
-    number = step.round + 1
+    number = step.round + 1 + behind
     if step.robot is None:
         return f"at the end of round {number}"
     did = "skips" if step.event is None else f"runs {step.event}"

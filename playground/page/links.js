@@ -31,18 +31,25 @@ async function unpacked(text) {
   return new TextDecoder("utf-8", { fatal: true }).decode(bytes);
 }
 
-/** What the address says behind its #: a program, or the name of an example, and numbers. */
+/** What is asked besides the text; a link has those that are not the usual ones. */
+const SETTINGS = ["robots", "rounds", "params", "policy", "seed"];
+const USUAL = { robots: "", rounds: "20", params: "", policy: "first", seed: "0" };
+
+/** What the address says behind its #: a program, or the name of an example, and settings. */
 async function linked(hash) {
   const said = new URLSearchParams(hash.replace(/^#/, ""));
-  const found = { example: said.get("example"), robots: said.get("robots"), rounds: said.get("rounds"), text: null };
+  const found = { example: said.get("example"), text: null };
+  for (const name of SETTINGS) found[name] = said.get(name);
   if (said.has("program")) found.text = await unpacked(said.get("program"));
   return found;
 }
 
-async function linkTo({ text, robots, rounds }) {
+async function linkTo(asked) {
   const said = new URLSearchParams();
-  if (robots) said.set("robots", robots);
-  said.set("rounds", rounds);
-  said.set("program", await packed(text));
+  for (const name of SETTINGS) {
+    const value = String(asked[name] ?? "");
+    if (name === "rounds" || value !== USUAL[name]) said.set(name, value);
+  }
+  said.set("program", await packed(asked.text));
   return `${location.href.split("#")[0]}#${said}`;
 }

@@ -90,16 +90,24 @@ class Playground {
     byId("example").value = name;
   }
 
-  put(text, { robots, rounds }) {
-    byId("robots").value = robots ?? "";
-    byId("rounds").value = rounds || "20";
+  put(text, found) {
+    for (const name of SETTINGS) {
+      const field = byId(name);
+      field.value = found[name] ?? USUAL[name];
+      if (!field.value) field.value = USUAL[name]; // a link may say what a field cannot hold
+    }
+    this.tellMore();
     this.editor.text = text;
     const same = this.examples.find((one) => one.text === text);
     byId("example").value = same ? same.name : "";
   }
 
   get asked() {
-    return { text: this.editor.text, robots: byId("robots").value, rounds: Number(byId("rounds").value) || 0 };
+    const number = (name) => Math.trunc(Number(byId(name).value)) || 0;
+    return {
+      text: this.editor.text, robots: byId("robots").value, rounds: number("rounds"),
+      params: byId("params").value, policy: byId("policy").value, seed: number("seed"),
+    };
   }
 
   edited() {
@@ -107,8 +115,17 @@ class Playground {
     byId("problems").replaceChildren();
     this.mark();
     this.keep();
+    this.checkSoon();
+  }
+
+  checkSoon() {
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.ask("check", true), 300);
+  }
+
+  /** Who does not see the further settings is told that they are not the usual ones. */
+  tellMore() {
+    byId("more").classList.toggle("set", ["params", "policy", "seed"].some((name) => byId(name).value !== USUAL[name]));
   }
 
   /** A text outlives the page; where nothing may be kept it does not. */
@@ -233,7 +250,9 @@ class Playground {
     for (const id of ["check", "verify", "run"]) byId(id).addEventListener("click", () => this.ask(id));
     byId("cancel").addEventListener("click", () => this.cancel());
     byId("example").addEventListener("change", ({ target }) => { if (target.value) this.example(target.value); });
-    for (const id of ["robots", "rounds"]) byId(id).addEventListener("input", () => this.keep());
+    for (const id of SETTINGS) byId(id).addEventListener("input", () => { this.keep(); this.tellMore(); });
+    byId("params").addEventListener("input", () => this.checkSoon());
+    document.addEventListener("click", ({ target }) => { if (!byId("more").contains(target)) byId("more").open = false; });
     byId("link").addEventListener("click", () => this.link());
     byId("theme").addEventListener("click", () => { switchTheme(); this.theme(); });
     window.addEventListener("hashchange", () => this.follow());

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from itertools import pairwise
 from pathlib import Path
@@ -46,7 +47,11 @@ def asked(text: str = COUNTING, robots: int = 2) -> FitRequest:
 
 
 def simulated(
-    *edits: tuple[int, str], rounds: int = 10, text: str = COUNTING, keep_going: bool = False
+    *edits: tuple[int, str],
+    rounds: int = 10,
+    text: str = COUNTING,
+    keep_going: bool = False,
+    ask: bool = False,
 ) -> tuple[Simulated, list[ProgramReloaded]]:
     """A run of a few rounds with edits, and what was told of these."""
     request, told = asked(text), []
@@ -55,7 +60,9 @@ def simulated(
         if isinstance(progress, ProgramReloaded):
             told.append(progress)
 
-    how = SimulationRequest(rounds, keep_going=keep_going, edits=ListedEdits(request, edits))
+    how = SimulationRequest(
+        rounds, keep_going=keep_going, edits=ListedEdits(request, edits), ask=ask
+    )
     return simulate_fitted(fit(request), how, hear), told
 
 
@@ -107,6 +114,64 @@ def test_what_is_not_kept_is_told() -> None:
     assert [one.name for one in shared] == ["seen", "total", "total"]
     (reload,) = run.recording.reloads
     assert (reload.had.shared, reload.has.shared) == ((0, 1), (0, 2))
+
+
+def test_values_are_dropped_when_an_edit_is_saved_again() -> None:
+    text = COUNTING.replace("own", "mine")
+    other = COUNTING.replace("total", "sum")
+    edits = ((2, text), (3, other), (4, text), (5, text), (6, text), (7, f"{text}# x\n"))
+    run, told = simulated(*edits, ask=True)
+    assert [one.accepted for one in told] == [False, False, False, True, True, True]
+    codes = [[d.code for d in one.diagnostics] for one in told]
+    assert codes == [["K959"], ["K959"], ["K959"], [], [], []]
+    assert "would drop what is in `own`" in told[0].diagnostics[0].message
+    assert told[3].notes == ("mine is new and starts", "own is gone")
+    assert [entry.text is not None for entry in run.recording.reloads] == [
+        one.accepted for one in told
+    ]
+
+
+def test_nothing_is_asked_where_nothing_is_dropped() -> None:
+    edited = COUNTING.replace("int own = 0", "int own = 0\n    int more = 1")
+    _, (told,) = simulated((2, edited), ask=True)
+    assert told.accepted
+
+
+def test_a_file_that_is_saved_again_agrees(tmp_path: Path) -> None:
+    path = tmp_path / "counting.krd"
+    path.write_text(COUNTING, "utf-8")
+    edits = FileEdits(asked(), [str(path)])
+    path.write_text(COUNTING.replace("own", "mine"), "utf-8")
+    edits.look()
+    first = edits.take(0)
+    assert first is not None
+    assert not first.agreed
+    os.utime(path, (1, 1))
+    edits.look()
+    assert edits.take(1) is None  # nobody has put it back
+    edits.put_back(first)
+    os.utime(path, (2, 2))
+    edits.look()
+    again = edits.take(2)
+    assert again == replace(first, agreed=True)
+
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "specs" / "examples"
+
+
+def test_a_drone_whose_takeoff_port_is_gone_stays_up_and_flies_on() -> None:
+    source = Source("takeoff.krd", (EXAMPLES / "takeoff.krd").read_text("utf-8"))
+    request = fit_request(source, EXAMPLES / "takeoff.yaml", None, None, None, None)
+    without = "using Motion:\n    sensors:\n        pos psn\n\nlocal:\n    int n = 0\n"
+    edits = ListedEdits(request, [(20, f"{without}\nStep:\n    eff: n = n + 1\n")])
+    told: list[Progress] = []
+    how = SimulationRequest(45, edits=edits)
+    run = simulate_fitted(fit(request), how, told.append)
+    (reload,) = (one for one in told if isinstance(one, ProgramReloaded))
+    assert {"Motion.takeoff is gone", "Motion.target is gone"} <= set(reload.notes)
+    before, after = run.recording.poses[20][0], run.recording.poses[-1][0]
+    assert after[2] >= before[2] > 0.9
+    assert after[0] > before[0] + 1
 
 
 def test_a_variable_that_only_init_sets_is_unset() -> None:

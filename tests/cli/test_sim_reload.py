@@ -64,6 +64,14 @@ def test_a_terminal_says_what_is_not_kept(file: Path, capsys: pytest.CaptureFixt
     assert Saved.watched == [str(file)]
 
 
+def test_it_asks_before_values_are_dropped(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert edited(file, (4, EDITED), (6, EDITED), flags=["--ask"]) == Exit.OK
+    err = capsys.readouterr().err
+    assert "error K959: the edited program would drop what is in `total`" in err
+    assert "before round 5: the edited program is refused; the one before goes on" in err
+    assert "before round 7: the program has changed; total is of another type" in err
+
+
 def test_it_shows_mistakes_where_they_are(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert edited(file, (4, COUNTING.replace("total + 1", "totla + 1"))) == Exit.OK
     err = capsys.readouterr().err

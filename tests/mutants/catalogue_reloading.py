@@ -60,6 +60,20 @@ RELOADING = (
         (EDITS,),
     ),
     Mutant(
+        "who asks is asked about new variables, too",
+        "api.reloading.Reloading._dropped",
+        "one.fate is not Fate.NEW",
+        "True",
+        (RUNS,),
+    ),
+    Mutant(
+        "an edit that was saved again is asked about again",
+        "api.reloading.Reloading.between_rounds",
+        "self._asks and not edit.agreed",
+        "self._asks",
+        (RUNS,),
+    ),
+    Mutant(
         "a recording counts events as the new program does",
         "sim.reloading.Numbering.deeds",
         "self.events[self.agents[pid]][deeds[pid]]",

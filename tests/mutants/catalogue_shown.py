@@ -13,6 +13,13 @@ WITNESS = "tests/verify/test_witness.py"
 
 SHOWN = (
     Mutant(
+        "rounds of a changed program are counted from its change",
+        "traces.story._moments",
+        "step.round + 1 + behind",
+        "step.round + 1",
+        ("tests/traces/test_reloads.py",),
+    ),
+    Mutant(
         "the last turn is the one that breaks it",
         "traces.story._breaking",
         "tracks[0].truth.index(False)",

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from playground.answering import Request, answer, answered, robots_of
+from playground.answering import Request, answer, answered, params_of, robots_of
 from tests.api.test_story_page import data_of
 from tests.loading import EXAMPLES
 
@@ -169,3 +169,50 @@ def test_requests_are_those_that_the_page_makes() -> None:
     """The page sends no more than is read, so that nothing it says is lost."""
     with pytest.raises(Exception, match=re.escape("unknown field `colour`")):
         asked("check", WHOLE, colour="red")
+
+
+PARAMS = """\
+param int most = 3
+local:
+    int x = 0
+Step:
+    pre: x < most
+    eff: x = x + 1
+invariant Few: forall i: x@i <= 3
+"""
+
+
+def test_params_policy_and_seed_are_those_that_are_asked_for() -> None:
+    assert asked("verify", PARAMS, robots="2")["outcome"] == "holds"
+    assert asked("verify", PARAMS, robots="2", params="most=4")["outcome"] == "violated"
+    assert asked("run", PARAMS, robots="2", params="most = 9", rounds=8)["outcome"] == "violated"
+    pages = [
+        asked("run", PARAMS, robots="3", rounds=4, policy="random", seed=seed)["page"]
+        for seed in (1, 1, 2)
+    ]
+    assert data_of(pages[0]) == data_of(pages[1]) != data_of(pages[2])
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("", {}),
+        ("a=1, b = [1,2],c=true,", {"a": 1, "b": (1, 2), "c": True}),
+        ("mode=busy", {"mode": "busy"}),
+    ],
+)
+def test_params_are_read(text: str, values: dict[str, Any]) -> None:
+    assert params_of(text) == values
+
+
+@pytest.mark.parametrize("text", ["4", "a=", "a=1 b=2", "a=[1", "=3"])
+def test_params_that_are_none_are_told(text: str) -> None:
+    found = asked("check", PARAMS, params=text)
+    assert found["outcome"] == "refused"
+    assert found["problems"][0]["message"].startswith("params: ")
+
+
+def test_a_param_that_is_not_there_is_told() -> None:
+    found = asked("check", PARAMS, params="least=1")
+    assert found["outcome"] == "refused"
+    assert "least" in found["problems"][0]["message"]

@@ -175,7 +175,8 @@ def test_what_takes_long_can_be_cancelled_and_koord_begins_again(tab: Tab) -> No
 
 def test_a_link_carries_the_program(tab: Tab, address: str) -> None:
     text = "# Zwölf ≤ ∀ 🤖\nlocal:\n    int x = 0\n\nGo:\n    pre: x < 3\n    eff: x = x + 1\n"
-    tab.ask(f"playground.put({json.dumps(text)}, {{robots: '4', rounds: '7'}})")
+    settings = {"robots": "4", "rounds": "7", "params": "most=[1, 2]", "policy": "random"}
+    tab.ask(f"playground.put({json.dumps(text)}, {json.dumps({**settings, 'seed': '5'})})")
     tab.ask("playground.link()")
     found = tab.ask("location.href")
     assert found.startswith(address)
@@ -184,7 +185,8 @@ def test_a_link_carries_the_program(tab: Tab, address: str) -> None:
     tab.open("about:blank", "true")
     tab.open(found, "Boolean(window.playground)")
     asked = tab.ask("playground.asked")
-    assert asked == {"text": text, "robots": "4", "rounds": 7}
+    assert asked == {"text": text, **settings, "rounds": 7, "seed": 5}
+    assert tab.ask("byId('more').classList.contains('set')")
 
     tab.open("about:blank", "true")
     tab.open(f"{address}#program=nothing", "Boolean(window.playground)")

@@ -32,6 +32,7 @@ from koord.traces.codec import decode, encode
 from koord.traces.replay import replay
 from koord.traces.trace import Numbers, Sources, Trace, assembled, traced
 from koord.traces.unfinished import GrowingTrace, completed
+from tests.api.test_story_page import data_of
 from tests.generators import runs
 from tests.generators.strategies import systems
 from tests.sampling import examples
@@ -246,8 +247,29 @@ def test_who_needs_one_program_refuses_it(tmp_path: Path, kept: Path) -> None:
         trace.save(tmp_path / "trace.itf.json")
     for found in (trace, koord.replay(kept)):
         with pytest.raises(KoordError, match="K958"):
-            koord.story(found)
+            koord.story(found)  # it is one story; pages have one for each program
     with pytest.raises(KoordError, match="K958"):
         koord.replay(kept, compiled=True)
     with pytest.raises(KoordError, match="K914"):
         koord.load_trace(kept, program=Source("counting.krd", FIRST))
+
+
+def test_a_page_has_a_story_for_each_program(tmp_path: Path, kept: Path) -> None:
+    trace, page = koord.load_trace(kept), tmp_path / "run.html"
+    assert main(["replay", str(kept), "--html", str(page)]) == Exit.OK
+    shown = page.read_text("utf-8")
+    assert shown == koord.html(koord.replay(kept))
+    stories = data_of(shown)["stories"]
+    parts = trace.recorded.parts
+    assert len(stories) == len(parts) > 1
+    behind = 0
+    for number, (story, part) in enumerate(zip(stories, parts, strict=True), 1):
+        assert story["title"] == f"program {number} of {len(parts)}"
+        rounds = sorted({moment["round"] for moment in story["moments"]})
+        more = len(part.recording.rounds)
+        assert rounds == [0, *range(behind + 1, behind + more + 1)]
+        assert story["moments"][0]["rule"] == ("INIT" if number == 1 else "RELOAD")
+        assert story["texts"][0]["text"] == part.sources.program.text
+        behind += more
+    assert stories[0]["ending"]["headline"].startswith("another program goes on behind round")
+    assert stories[-1]["ending"]["headline"] == f"the run ends at the end of round {behind}"

@@ -112,7 +112,7 @@ class Lanes {
     const cells = drawn.map((round) => {
       // Of a step no order of turns is known.
       const order = story.ending.kind === "step" ? [] : round.turns.filter((k) => telling.moments[k].robot !== null);
-      const position = round.turns.find((k) => telling.moments[k].robot === robot && telling.moments[k].rule !== "INIT");
+      const position = round.turns.find((k) => telling.moments[k].robot === robot && !["INIT", "RELOAD"].includes(telling.moments[k].rule));
       if (position === undefined) return made("td", { "data-round": round.number }, "");
       const deed = telling.deed(position), moment = telling.moments[position];
       if (robot === null && !moment.changes.length && !moment.broken.length) return made("td", { "data-round": round.number }, "");

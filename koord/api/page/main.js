@@ -93,6 +93,7 @@ class Page {
       const { title, about } = this.view.telling.story;
       this.head(title, about);
       byId("up").hidden = !this.shown.verifications.length;
+      this.programs(story);
       byId("transport").hidden = false;
       byId("slider").max = String(this.view.telling.moments.length - 1);
       const { ending } = this.view.telling.story;
@@ -101,6 +102,18 @@ class Page {
     this.view.laps = 0;
     this.go(Number.isInteger(turn) ? turn : this.view.position);
     this.view.attached();
+  }
+
+  /** The stories of a run that went on with another program, one for each. */
+  programs(shown) {
+    const { stories, verifications } = this.shown, nav = byId("programs");
+    nav.hidden = verifications.length > 0 || stories.length < 2;
+    if (nav.hidden) return;
+    nav.replaceChildren(...stories.map((one, at) => {
+      const numbers = one.moments.map(({ round }) => round).filter((round) => round > 0);
+      const rounds = numbers.length ? `rounds ${numbers[0]} to ${numbers[numbers.length - 1]}` : "no round";
+      return made("a", { href: `#story=${at}`, "aria-current": at === shown ? "page" : null }, `${one.title}: ${rounds}`);
+    }));
   }
 
   head(title, about) {

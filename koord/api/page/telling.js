@@ -61,7 +61,7 @@ class Telling {
   /** What a turn did, in words and for its looks. */
   deed(position) {
     const moment = this.moments[position];
-    if (moment.rule === "INIT") return { kind: "start", words: this.story.ending.kind === "step" ? "before" : "start" };
+    if (["INIT", "RELOAD"].includes(moment.rule)) return { kind: "start", words: this.story.ending.kind === "step" ? "before" : "start" };
     if (moment.robot === null) return { kind: "environment", words: this.story.ending.kind === "step" ? "together" : "environment" };
     const event = this.eventOf(moment);
     if (event) return { kind: "event", words: event.name, event: moment.event };

@@ -111,6 +111,8 @@ class Registry(Generic[Made]):
             made = entry.load()
         except (ImportError, AttributeError) as error:
             cure = "install what is missing" if package else "say a module and an object in it"
+            if not package and isinstance(error, ModuleNotFoundError):
+                cure = "install the package that has it, or say in PYTHONPATH where it is"
             raise DriverError(f"{whose} cannot be loaded: {error}", cure) from error
         if not callable(made) or not hasattr(made, "OPTIONS"):
             raise DriverError(f"{whose} makes none", "it has to be callable, and to have OPTIONS")

@@ -68,6 +68,9 @@ def test_what_cannot_be_loaded_is_told(others: list[EntryPoint]) -> None:
     assert "nowhere_at_all" in missing
     with pytest.raises(DriverError, match="cannot be loaded"):
         made.load("lab")
+    with pytest.raises(DriverError, match="nowhere_at_all") as named:
+        made.load("nowhere_at_all:Car")  # it stands beside the configuration, say
+    assert named.value.hint == "install the package that has it, or say in PYTHONPATH where it is"
 
 
 def test_two_drivers_of_one_name_are_told_apart_by_nobody(others: list[EntryPoint]) -> None:
