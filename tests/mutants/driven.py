@@ -20,6 +20,13 @@ ASKED = "tests/runtime/platform/test_asked_planners.py"
 #: What moves otherwise than was decided, or without being driven.
 DRIVEN = (
     Mutant(
+        "ways of Dubins curves are shortened to ones that nobody looks at",
+        "runtime.motion.rrt.CurvePlanner._grown",
+        "self.forwards and not path.check()",
+        "False",
+        (PLANNED,),
+    ),
+    Mutant(
         "deployed robots do not look at what their environment has done",
         "runtime.deploy.member.Member._evolve",
         "monitor.evolved(held, self.round - 1 - self._turns)",

@@ -54,3 +54,20 @@ def test_vehicles_in_a_world_sense_where_they_point(tmp_path: Path) -> None:
     )
     found = koord.simulate(Source("turning.krd", TURNING), configuration, duration_s=40)
     assert found.ending is Ending.STOPPED
+
+
+def test_a_shape_turns_with_its_leader() -> None:
+    """Each follower is near its place behind the leader, turned as that points."""
+    program = Path(__file__).parents[2] / "specs" / "examples" / "turning_shape.krd"
+    found = koord.simulate(program, program.with_suffix(".yaml"), duration_s=25)
+    assert not found.broken
+    assert found.figures.nearest is not None
+    assert found.figures.nearest.distance_m > 0.8
+    end = found.recording.poses[-1]
+    x, y, _, yaw = end[0, :4].tolist()
+    assert yaw > 0.6  # a part of the way around
+    for pid, (back, side) in enumerate([(0.8, 0.8), (0.8, -0.8), (1.6, 1.6), (1.6, -1.6)], 1):
+        ahead = (end[pid, 0] - x) * math.cos(yaw) + (end[pid, 1] - y) * math.sin(yaw)
+        left = (end[pid, 1] - y) * math.cos(yaw) - (end[pid, 0] - x) * math.sin(yaw)
+        # In a wedge that did not turn the last two were more than two metres away.
+        assert math.dist((ahead, left), (-back, side)) < 1.1

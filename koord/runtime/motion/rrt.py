@@ -219,7 +219,11 @@ class CurvePlanner(TreePlanner, frozen=True):
         path = query.solve(begin, ends)
         if path is None:
             return None
+        found = _ompl().geometric.PathGeometric(path)
         _ompl().geometric.PathSimplifier(query.information).partialShortcutPath(path, maxSteps=30)
+        # A Dubins curve that is cut may go on by another one, with a whole turn more.
+        if self.forwards and not path.check():
+            path = found
         path.interpolate(max(8, math.ceil(path.length() / 0.02)))
         fine = np.array([(s.getX(), s.getY(), s.getYaw()) for s in path.getStates()])
         return self._on_ground(spaced(fine))

@@ -16,9 +16,9 @@ from koord.runtime.motion.curves import points as points_of
 from koord.runtime.motion.field import field
 from koord.runtime.motion.geometry import wrapped
 from koord.runtime.motion.planners import planner
-from koord.runtime.motion.planning import PlanningEffort, Pose, suits
+from koord.runtime.motion.planning import PlanningEffort, Pose, Room, suits
 from koord.runtime.motion.rrt import MARGIN_M, CurvePlanner, car_fits, spaced
-from koord.runtime.motion.world import Box, World
+from koord.runtime.motion.world import Box, Disc, World
 from tests.runtime.motion.worlds import CLUTTERED, EMPTY, places
 
 CAR, DRONE = Car(), Drone()
@@ -87,6 +87,22 @@ def test_a_planner_of_dubins_curves_drives_forwards_alone() -> None:
     path = empty.plan(Pose((0, 0, 0)), behind, seed=1)
     assert path is not None
     assert _is_forwards(path, 0.0)
+
+
+def test_ways_of_dubins_curves_are_clear_where_they_were_shortened() -> None:
+    """The rest of a Dubins curve may be none: from its middle the shortest has a turn more."""
+    discs = [
+        *((7.5, 7.5, 1.3), (10.3, 10.3, 1.1), (3.4, 11.0, 0.5), (8.0, 3.2, 0.6)),
+        *((6.5, 12.6, 0.9), (11.9, 3.9, 1.1), (6.4, 5.5, 0.7)),
+    ]
+    obstacles = tuple(Disc((x, y), radius_m) for x, y, radius_m in discs)
+    world = World((-0.5, -0.5, 0.0), (15.5, 15.5, 1.0), obstacles)
+    car = Car(length_m=0.4, width_m=0.3, steering_rad=math.atan(0.33 * 1.15))
+    made = planner(PlannerName.RRT_DUB_CAR, world, car, room=Room(least_m=0.5))
+    for seed in (5, 8, 9, 13):
+        path = made.plan(Pose((1.5, 1.5, 0.0)), (13.5, 13.5, 0.0), seed=seed)
+        assert path is not None
+        assert field(world, flat=True).path_free(path, 0.49), seed
 
 
 def _is_forwards(path: Floats, heading_rad: float) -> bool:
