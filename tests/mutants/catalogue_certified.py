@@ -18,6 +18,13 @@ SAID = "tests/cli/test_recheck.py"
 PROBLEM = "tests/cli/test_problem.py"
 
 CERTIFIED = (
+    Mutant(
+        "scripts declare functions that other solvers have",
+        "verify.encoding.solver.portable",
+        "not taken",
+        "True",
+        (WRITTEN,),
+    ),
     # invariants of bits in words
     Mutant(
         "cubes grow into states that are reached",

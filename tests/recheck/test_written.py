@@ -131,6 +131,25 @@ def outcomes(first: int, last: int) -> Counter[str]:
     return count
 
 
+#: The bound hangs on what is known of `cos`, which solvers have functions of their own for.
+TURNED = """\
+local:
+    float angle = 0.0
+    float ahead = 1.0
+Turn:
+    eff:
+        angle = angle + 0.5
+        ahead = 2 * cos(angle)
+invariant Near: ahead <= 2
+"""
+
+
+def test_functions_that_other_solvers_know_are_the_program_s_there() -> None:
+    found = written(TURNED, 2)
+    assert found is not None
+    assert found.outcome is RecheckOutcome.CONFIRMED
+
+
 @pytest.mark.slow
 def test_certificates_of_some_programs_are_not_refuted() -> None:
     count = outcomes(0, 4)

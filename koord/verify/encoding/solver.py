@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum
@@ -44,6 +45,30 @@ LONGEST_S, LONGEST_UNLIMITED_S = 10.0, 60.0
 
 #: How often Z3 is asked again, each time for twice as long, as its clock was faster than its work.
 _LOOKS = 6
+
+
+#: Functions of theories beyond the standard, which some solvers do not let a script declare.
+_OF_THEORIES = frozenset(
+    f"{inverse}{name}"
+    for inverse in ("", "arc")
+    for name in ("sin", "cos", "tan", "cot", "sec", "csc")
+) | {"exp", "sqrt", "log", "pi", "pow"}
+
+_DECLARED = re.compile(r"\((?:declare-fun|declare-const|define-fun) ([^\s()|]+)")
+_TOKEN = re.compile(r'"[^"]*"|\|[^|]*\||[^\s()"|]+')
+
+
+def portable(script: str) -> str:
+    """The same script, in which functions that it declares have names of no solver's theories."""
+    taken = _OF_THEORIES.intersection(_DECLARED.findall(script))
+    if not taken:
+        return script
+
+    def renamed(token: re.Match[str]) -> str:
+        word = token.group()
+        return f"|{word} of the program|" if word in taken else word
+
+    return _TOKEN.sub(renamed, script)
 
 
 class Layer(Struct, frozen=True):
@@ -191,7 +216,7 @@ class Solver:
         asked = z3.Solver(ctx=self.d.context)
         asked.add(self._solver.assertions())
         asked.add(*(self.d.boolean(term) for term in question))
-        return str(asked.to_smt2())
+        return portable(str(asked.to_smt2()))
 
     @property
     def required(self) -> int:
@@ -212,7 +237,7 @@ class Solver:
             whole = z3.And(*required[start : layer.required], here)
         asked = z3.Solver(ctx=self.d.context)
         asked.add(whole)
-        return str(asked.to_smt2())
+        return portable(str(asked.to_smt2()))
 
     def core(self) -> frozenset[int]:
         """The unsatisfiable core of the last query, as positions in it."""

@@ -16,7 +16,14 @@ from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import BOOL, FLOAT, INT, STRING, EnumType, OpaqueType, Type
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding import z3_builder
-from koord.verify.encoding.solver import LONGEST_S, LONGEST_UNLIMITED_S, Solver, SolverAnswer, cases
+from koord.verify.encoding.solver import (
+    LONGEST_S,
+    LONGEST_UNLIMITED_S,
+    Solver,
+    SolverAnswer,
+    cases,
+    portable,
+)
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.encoding.unknowns import Unknowns
 from koord.verify.encoding.z3_builder import counted
@@ -397,3 +404,14 @@ def test_a_quantifier_over_robots_falls_into_its_robots() -> None:
         everyone = d.binary(BinaryOp.AND, everyone, one)
     denied = d.unary(UnaryOp.NOT, everyone)
     assert len(cases(d, denied)) == 4
+
+
+def test_scripts_declare_nothing_that_is_a_solver_s_own() -> None:
+    """Names within other names, texts and comments of the kind stay."""
+    script = '(declare-fun cos (Real) Real)\n(assert (= (cos x) |cos x| cosine "cos"))\n'
+    named = "|cos of the program|"
+    assert portable(script) == (
+        f'(declare-fun {named} (Real) Real)\n(assert (= ({named} x) |cos x| cosine "cos"))\n'
+    )
+    undeclared = "(declare-fun near (Real) Real)\n(assert (= (cos x) (near x)))\n"
+    assert portable(undeclared) == undeclared
