@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from operator import attrgetter
 from typing import Any, get_args
 
 from msgspec import Struct
@@ -28,6 +29,31 @@ class _Below(dict[type, tuple[str, ...] | None]):
         return found
 
 
+class _Parts(dict[type, Callable[[Any], tuple[Any, ...]] | None]):
+    """A cache: per class of nodes what gives all their parts, the last one first."""
+
+    def __missing__(self, class_: type) -> Callable[[Any], tuple[Any, ...]] | None:
+        names = _BELOW[class_]
+        found: Callable[[Any], tuple[Any, ...]] | None = None
+        if issubclass(class_, tuple):
+            found = _reversed
+        elif names is not None:
+            found = _getting(names[::-1])
+        self[class_] = found
+        return found
+
+
+def _getting(names: tuple[str, ...]) -> Callable[[Any], tuple[Any, ...]]:
+    """What gives the fields of some names; of one name ``attrgetter`` would give no tuple."""
+    if len(names) > 1:
+        return attrgetter(*names)
+    return lambda node: tuple(getattr(node, name) for name in names)
+
+
+def _reversed(parts: tuple[Any, ...]) -> tuple[Any, ...]:
+    return parts[::-1]
+
+
 class _Blocks(dict[type, tuple[str, ...]]):
     """A cache: per class of statements the fields that hold blocks."""
 
@@ -37,7 +63,7 @@ class _Blocks(dict[type, tuple[str, ...]]):
         return found
 
 
-_BELOW, _BLOCKS = _Below(), _Blocks()
+_BELOW, _PARTS, _BLOCKS = _Below(), _Parts(), _Blocks()
 
 
 def nodes(node: object) -> Iterator[object]:
@@ -45,20 +71,17 @@ def nodes(node: object) -> Iterator[object]:
     waiting = [node]
     while waiting:
         part = waiting.pop()
-        if isinstance(part, tuple):
-            waiting += reversed(part)
-            continue
-        names = _BELOW[type(part)]
-        if names is not None:
-            yield part
-            waiting += [getattr(part, name) for name in reversed(names)]
+        parts = _PARTS[type(part)]
+        if parts is not None:
+            if parts is not _reversed:
+                yield part
+            waiting += parts(part)
 
 
 def children(node: object) -> Iterator[Any]:
     """The nodes directly below a node (or a tuple of them), in the order of the text."""
-    names = _BELOW[type(node)] or ()
-    parts = node if isinstance(node, tuple) else [getattr(node, name) for name in names]
-    waiting: list[Any] = list(reversed(parts))
+    parts = _PARTS[type(node)]
+    waiting: list[Any] = [] if parts is None else list(parts(node))
     while waiting:
         part = waiting.pop()
         if isinstance(part, tuple):

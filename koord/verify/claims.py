@@ -110,8 +110,14 @@ def claims_of(system: System) -> tuple[Claim, ...]:
     What is claimed of whole runs is not among them: see ``liveness_of``.
     """
     program = system.program
+    some_function = reads_ports(program, ())  # which is the same for all of them
     claims = [
-        Claim(p.name, ClaimKind.PROPERTY, p, reads_ports=reads_ports(program, p.condition))
+        Claim(
+            p.name,
+            ClaimKind.PROPERTY,
+            p,
+            reads_ports=some_function or _reads_ports(program, p.condition),
+        )
         for p in program.properties
         if p.kind in (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
     ]
@@ -131,14 +137,16 @@ def claims_of(system: System) -> tuple[Claim, ...]:
     return tuple(dict.fromkeys(claims))
 
 
-def reads_ports(program: core.Program, condition: core.Expr) -> bool:
+def reads_ports(program: core.Program, condition: core.Expr | tuple[()]) -> bool:
     """Return whether a statement may read a port, itself or in a function that it calls."""
-    if not any(agent.ports for agent in program.agents):
-        return False
     bodies = tuple(function.body for function in program.functions)
-    return any(
-        isinstance(node, core.Variable) and node.home is Home.PORT
-        for node in nodes((condition, bodies))
+    return _reads_ports(program, (condition, bodies))
+
+
+def _reads_ports(program: core.Program, part: object) -> bool:
+    """Return whether a part of a program reads a port, but for the functions that it calls."""
+    return any(agent.ports for agent in program.agents) and any(
+        isinstance(node, core.Variable) and node.home is Home.PORT for node in nodes(part)
     )
 
 

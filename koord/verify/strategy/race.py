@@ -214,14 +214,19 @@ class RaceTurn(Struct, frozen=True):
             beside.look()
             said, most = beside.said[number + 1], patience.of(beside.worked(job), _worked(job))
             broken = {c: v for c, v in said.verdicts.items() if v.outcome is Outcome.VIOLATED}
+            heard = 0
 
             def is_late(
                 most: int = most, broken: Mapping[Claim, Verdict] = broken, said: Ledger = said
             ) -> bool:
+                nonlocal heard
                 beside.look()
                 if first.is_done or _worked(first) > most or self._is_hopeless(said, beside):
                     return True
                 self._use_core(first, beside)
+                new, heard = first.noted[heard:], len(first.noted)
+                if heard > len(new) and all(isinstance(noted, Worked) for noted in new):
+                    return False  # no more is known than before
                 # Of what is violated nobody can say more.
                 return not self.wanted(_with_notes(known, first, most, broken))
 
@@ -243,10 +248,12 @@ class RaceTurn(Struct, frozen=True):
         """
         found = beside.said[-1].verdicts
         broken = {c for c in said.open() if c in found and found[c].outcome is Outcome.VIOLATED}
+        if not broken:
+            return False
         others = [claim for claim in said.open() if claim not in broken]
         probe = said.of(said.open(), _unheard)
         probe.verdicts.update((claim, said.verdict(claim)) for claim in others)
-        return bool(broken) and self.wanted(probe)
+        return self.wanted(probe)
 
     def _take(
         self,
