@@ -235,3 +235,16 @@ def test_a_robot_with_a_map_finds_out_where_it_is(seed: int) -> None:
     assert (made.ending, made.broken) == (Ending.STOPPED, [])
     held = vars(made.engine.robots[0])
     assert [k for k, may_be in enumerate(held["maybe"]) if may_be] == [held["Corridor_cell"]]
+
+
+# --- Drona ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_drones_deliver_on_plans_that_keep_clear_and_come_home() -> None:
+    made = begun("drona_delivery")
+    pads = made.fleet.positions().copy()
+    assert list(run(made, 60.0))
+    assert (made.broken, made.standing, made.fault) == ([], (), None)
+    assert made.ending is Ending.STOPPED
+    assert np.linalg.norm(made.fleet.positions() - pads, axis=1).max() < 0.3
