@@ -223,7 +223,9 @@ def _fitted(request: FitRequest, found: list[Diagnostic]) -> Fitted:
     if given is not None and request.delta_s is None and not problems:
         found += _unlike(configuration, program, kinds if request.robots is None else None)
     if made is not None:
-        found += _unplanned(configuration) if landmarks_of(program) is not None else ()
+        if landmarks_of(program) is not None:
+            found += _unplanned(configuration)
+            found += _unplaced(configuration, request.robots)
         configuration = replace(configuration, world=made.world)
     tasks = configuration.world.tasks if configuration.world is not None else ()
     chosen |= _sizes(request, program, chosen, len(tasks))
@@ -297,6 +299,18 @@ def _unplanned(configuration: RunConfiguration) -> Iterator[Diagnostic]:
             story = f"it is not said how {vehicle.name} plans its paths: {usual} is taken"
             hint = f"write planner: {usual}"
             yield Diagnostic("K949", Severity.WARNING, configuration.place(*path), story, hint)
+
+
+def _unplaced(configuration: RunConfiguration, robots: int | None) -> Iterator[Diagnostic]:
+    """Yield a warning where it is said where some robots begin, and of others not."""
+    given = configuration.robots
+    count = len(given) if robots is None else robots
+    placed = [robot for robot in given[:count] if robot.position is not None]
+    if placed and len(placed) < count:
+        story = f"it is said where {len(placed)} of {count} robots begin: others do so anywhere"
+        hint = "give all a `position`, or none, if they may begin in any order"
+        place = configuration.place(*placed[-1].path)
+        yield Diagnostic("K949", Severity.WARNING, place, story, hint)
 
 
 def landmarks_of(program: core.Program) -> tuple[Point, ...] | None:

@@ -317,6 +317,24 @@ def test_a_device_without_a_planner_has_the_usual_one(
     assert "plans its paths" not in capsys.readouterr().out  # nobody moves
 
 
+@pytest.mark.parametrize("placed", ["positions: {0: [0, 0, 1]}", ""])
+def test_more_robots_than_have_places_begin_anywhere(
+    placed: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Who asks for more robots than have places is told that these begin in no order."""
+    program, path = tmp_path / "goes.krd", tmp_path / "run.yaml"
+    program.write_text(PROGRAM.partition("\nagent Bird")[0] + "param float away = 2.0\n", "utf-8")
+    device = "device: {bot_type: QUAD, planner: STRAIGHT}\nnum_robots: 1\n"
+    world = "world: {bounds: {low: [-3, -3, 0], high: [3, 3, 3]}}\n"
+    path.write_text(f"{device}{world}{placed}\n", "utf-8")
+    words = ["sim", str(program), str(path), "--no-html", "--time", "0.2", "--robots"]
+    main([*words, "1"])
+    story = "it is said where 1 of 2 robots begin: others do so anywhere"
+    assert story not in capsys.readouterr().err
+    main([*words, "2"])
+    assert (story in capsys.readouterr().err) == bool(placed)
+
+
 @pytest.mark.parametrize(
     ("driver", "told"),
     [
