@@ -114,7 +114,7 @@ def recorded_once(trace: Recorded, who: str) -> None:
     """Check that the program of a run was not changed. Raises KoordError, which says ``who``."""
     for number in reloads_of(trace):
         story = f"the program was changed before round {number + 1}, and {who} one program"
-        hint = "`koord replay --html` and the page of `koord sim` show it"
+        hint = "the page of a replay shows it, and so does that of a simulation"
         raise refusal("K958", trace.sources.program.name, story, hint)
 
 

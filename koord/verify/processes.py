@@ -207,6 +207,11 @@ class Pool(Struct):
                     raise
                 self._stop_all()
 
+    @property
+    def is_stopped(self) -> bool:
+        """Whether Ctrl-C came while somebody waited for a job: nothing more is begun."""
+        return self._stopped_at is not None
+
     def answers(self, jobs: Mapping[K, Job[T]]) -> Iterator[tuple[K, T | None]]:
         """Yield the results of jobs, in order.
 

@@ -134,6 +134,7 @@ def test_nothing_that_is_raised_speaks_of_flags() -> None:
             "run_forms",
             "verdict_forms",
             "documents",
+            "program_files",
             "refinement",
             "command_lines",
             "remote",

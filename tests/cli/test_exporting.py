@@ -17,7 +17,8 @@ from koord.verify.export import smtlib as verify_exporting
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 
-#: A question about all maps that a function may be asked about: no formula says that.
+#: A question about all maps that a function may be asked about, which the program writes in parts:
+#: no formula says that.
 UNSAID = """
 def fun f(Map<int, int> m) -> int: extern
     ensures: forall int k: f(m) >= 0 or k < 0
@@ -25,7 +26,9 @@ local:
     Map<int, int> seen = {}
     int x = 0
 Step:
-    eff: x = f(seen)
+    eff:
+        seen[1] = 2
+        x = f(seen)
 invariant Fine: forall i: x@i >= 0
 """
 

@@ -533,8 +533,15 @@ VERIFY = (
     Mutant(
         "what those who were begun ahead found late counts before others are asked",
         "verify.strategy.race.RaceTurn._after_head_start",
-        "job.found is not None and _worked(job) <= _HEAD_START",
-        "job.found is not None",
+        "job.found if _worked(job) <= _HEAD_START else None",
+        "job.found",
+        (RACES,),
+    ),
+    Mutant(
+        "Ctrl-C is forgotten while those who were begun ahead are heard",
+        "verify.strategy.race.RaceTurn._after_head_start",
+        "self.pool.is_stopped",
+        "False",
         (RACES,),
     ),
     Mutant(

@@ -159,11 +159,16 @@ class RaceTurn(Struct, frozen=True):
         if can_fork():
             with ledger.waiting():
                 self.pool.wait(job, lambda: job.is_done or _worked(job) > _HEAD_START)
-        if job.found is not None and _worked(job) <= _HEAD_START:
+        found = job.found if _worked(job) <= _HEAD_START else None
+        if found is None:
+            _take_notes(ledger, job, _HEAD_START)
+        else:
             self._begin(ahead.runners)
-            _take_all(ledger, job.found)
+            _take_all(ledger, found)
+        if self.pool.is_stopped:
+            raise KeyboardInterrupt
+        if found is not None:
             return ()
-        _take_notes(ledger, job, _HEAD_START)
         if self.pool.jobs == 1 and not job.is_done:
             # There is one core, which is for others: they begin anew behind these.
             self.pool.drop(job)

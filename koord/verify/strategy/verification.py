@@ -97,22 +97,22 @@ def verify(
     what they leave open the named ones alone are asked. KeyboardInterrupt ends it with what is
     known so far, and so does ``interrupted``, which is asked now and then. Of what takes long so
     many ``jobs`` are done at a time, or done by ``helpers``, which has no influence on the
-    verdicts. ``noted`` is told of
-    verdicts, steps and failures as they come, and ``lasting`` of when each step is to be
-    over. With those of a process that died as its ``past``,
-    another one goes on behind it.
+    verdicts. ``noted`` is told of verdicts, steps and failures as they come, and ``lasting`` of
+    when each step is to be over. With those of a process that died as its ``past``, another one
+    goes on behind it.
     """
-
-    def is_over() -> bool:
-        if interrupted():
-            raise KeyboardInterrupt
-        return deadline.passed()
-
     started = time.monotonic()
     deadline = Deadline.after(bounds.timeout_s)
     steps = Steps(past or PastVerification(), noted, lasting)
-    watched = replace(system, budget=Budget(is_over))
     with Pool(jobs, progress, interrupted, helpers) as pool:
+
+        def is_over() -> bool:
+            # Ctrl-C that came while this process waited for others is for its own work, too.
+            if interrupted() or pool.is_stopped:
+                raise KeyboardInterrupt
+            return deadline.passed()
+
+        watched = replace(system, budget=Budget(is_over))
         work = _Verification(watched, bounds, choice, tuple(names), seed, deadline, pool, steps)
         report = work.report(known)
     return replace(report, seconds=time.monotonic() - started)

@@ -104,6 +104,7 @@ def raced(
     meanwhile: Callable[[], None] = lambda: None,
     before: Callable[[Ledger], None] | None = None,
     heard: bool = False,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> Ledger:
     """Race for all claims; if something is done ``before``, who counts first is begun ahead.
 
@@ -116,7 +117,7 @@ def raced(
         for n, work in enumerate([*first, *beside])
     ]
     left = len(first)
-    with Pool(jobs) as pool:
+    with Pool(jobs, progress) as pool:
         ahead = None
         if before is not None:
             ahead = Ahead.begun(runners[:left], ledger, pool)
@@ -652,6 +653,28 @@ def test_who_was_begun_ahead_and_died_is_followed_by_others(system: System, jobs
     found = raced(system, [dying, later], [everything], jobs, before=nothing)
     assert Counter(engines(found).values()) == {Engine.EVERY_N: 2, Engine.SEARCH: 2}
     assert [failure.who for failure in found.failures] == ["runner 0"]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_ctrl_c_while_those_who_were_begun_ahead_are_heard_is_not_forgotten(
+    system: System, jobs: int
+) -> None:
+    """What they have found by then is known, also where that is all that was asked of them."""
+    pressed: list[str] = []
+
+    def press(text: str) -> None:
+        pressed.append(text)
+        if len(pressed) == 1:
+            raise KeyboardInterrupt
+
+    def telling(ledger: Ledger) -> None:
+        ledger.report("at it")
+        proving(EVERYTHING, Engine.EVERY_N)(ledger)
+
+    found = raced(system, [telling], [], jobs, before=nothing, progress=press)
+    assert pressed
+    assert found.interrupted
+    assert set(engines(found).values()) == {Engine.EVERY_N}
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

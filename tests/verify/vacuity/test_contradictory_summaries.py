@@ -113,7 +113,10 @@ def test_a_function_of_maps_that_is_asked_about_every_value_is_unknown() -> None
 def fun known(int p, Map<int, int> m) -> bool: extern
     ensures: forall int q: known(q, m) implies result
 """
-    program = once(declared, "Map<int, int> m = {}; bool b = false", "b = known(1, m)", "No: not b")
+    variables = "Map<int, int> m = {}; bool b = false"
+    opaque = once(declared, variables, "b = known(1, m)", "No: not b")
+    assert ask(opaque, robots=1, rounds=2, choice=Engine.BMC)["No"].outcome is VIOLATED
+    program = once(declared, variables, "m[1] = 2; b = known(1, m)", "No: not b")
     for choice in (Engine.BMC, Engine.INDUCTION, Engine.SPACER):
         asked = ask(program, robots=1, rounds=2, choice=choice)
         assert asked["No"].outcome is UNKNOWN
