@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 
 from msgspec import Struct
@@ -11,7 +12,7 @@ from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.expressions import condition, statement
 from koord.semantics.oracle import Phase as Asked
-from koord.semantics.properties import overlap
+from koord.semantics.properties import holds_in, overlap
 from koord.semantics.quantifiers import instances
 from koord.semantics.recordings import (
     Answer,
@@ -224,8 +225,10 @@ def replayed(
         raise NotReplayedError(f"no {found.function} keeps its summary with these answers")
     last = steps[-1]
     fault = last.configuration.fault
-    if fault is not None:
-        # A run ends at its fault; an engine may have said what the other robots would do.
+    # An engine may have said what other robots would do behind what breaks the claim.
+    if fault is None:
+        last = _first_that_breaks(system, recording, claim, steps)
+    if fault is not None or last is not steps[-1]:
         recording, phase = until(recording, last), _phase_of(last)
     number = len(recording.rounds)
     if claim.kind is ClaimKind.FAULT:
@@ -250,6 +253,25 @@ def replayed(
             if contract.name == claim.subject
         )
     return Counterexample(recording, number, phase, detail, robot, span, met_fault)
+
+
+def _first_that_breaks(
+    system: System, recording: Recording, claim: Claim, steps: Sequence[Step]
+) -> Step:
+    """The first step of the last round that breaks a claim, if that is known; else the last."""
+    last = steps[-1]
+    if claim.stated is None or last.robot is None or not claim.looked_at(ClaimPhase.INSIDE):
+        return last
+    if _last_answers(recording):
+        return last  # external functions are asked about the configuration at the end alone
+    stated, inputs = claim.stated, RecordedInputs()
+    for step in steps:
+        if step.round == last.round and step.robot is not None:
+            now = step.configuration
+            holds, _ = holds_in(EXACT, system, now, stated.condition, stated.bound, inputs)
+            if holds is not True:
+                return step
+    return last
 
 
 def _phase_of(step: Step) -> ClaimPhase:

@@ -860,6 +860,13 @@ VERIFY = (
         (WITNESS,),
     ),
     Mutant(
+        "robots move behind the turn that breaks a claim in what is kept of it",
+        "verify.witness._first_that_breaks",
+        "holds is not True",
+        "False",
+        (WITNESS,),
+    ),
+    Mutant(
         "what is not broken is shown all the same",
         "verify.witness._broken_by",
         'raise NotReplayedError(f"{claim.name} is not broken where the run ends")',

@@ -55,7 +55,7 @@ def test_a_run_that_breaks_the_claim_is_shown() -> None:
     shown = replayed(
         system, rounds((0, None), (0, None)), claim_of(system, "Small"), ClaimPhase.MIDDLE
     )
-    assert (shown.round, shown.phase) == (2, ClaimPhase.MIDDLE)
+    assert (shown.round, shown.phase, shown.robot) == (2, ClaimPhase.INSIDE, 0)
     assert "Small" in shown.detail
 
 
@@ -110,6 +110,23 @@ def test_what_is_kept_of_a_run_ends_at_its_fault() -> None:
         shown = replayed(system, recording, NO_FAULT, ClaimPhase.END)
         assert (shown.round, shown.phase, shown.robot) == (2, ClaimPhase.INSIDE, 1)
         assert shown.recording.rounds == (first, Round(moved, (None, 0, None), cut=True))
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 0, 2)])
+def test_what_is_kept_of_a_run_ends_with_the_turn_that_breaks_the_claim(
+    order: tuple[int, ...],
+) -> None:
+    """[REPLAY]: an engine looks behind the turns of all who run an event."""
+    b = Build()
+    x = b.local("x", INT, 0)
+    b.event("Up", TRUE, x.set(x + 1))
+    b.invariant("Zero", forall(I, x.at(I).eq(0)))
+    system = dealt(b.program(), 3)
+    found = replace(rounds((0, 0, None)), rounds=(Round(order, (0, 0, None), cut=True),))
+    shown = replayed(system, found, claim_of(system, "Zero"), ClaimPhase.MIDDLE)
+    assert (shown.robot, shown.phase) == (order[0], ClaimPhase.INSIDE)
+    events = tuple(0 if robot == order[0] else None for robot in range(3))
+    assert shown.recording.rounds == (Round(order[:1], events, cut=True),)
 
 
 def test_a_lost_update_needs_two_writes_that_meet_and_an_update() -> None:
