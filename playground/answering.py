@@ -14,8 +14,8 @@ import msgspec
 from msgspec import Struct
 
 import koord
-from koord.api.program_files import ParamValue, param_value
 from koord.api.robots import Robots
+from koord.syntax.literals import ParamValue, read_value
 
 #: What hears of progress: a line of text, and the verdicts so far as JSON, where there are any.
 Teller: TypeAlias = Callable[[str, str], None]
@@ -164,10 +164,13 @@ def params_of(text: str) -> dict[str, ParamValue]:
     rest = text.strip().rstrip(",")
     while rest:
         match = _PARAM.match(rest)
-        value = None if match is None else param_value(match[2])
-        if match is None or value is None:
-            raise koord.ArgumentError("params", f"{rest!r} are no values: tasks=4, spots=[1, 2]")
-        found[match[1]] = value
+        try:
+            if match is None:
+                raise ValueError
+            found[match[1]] = read_value(match[2])
+        except ValueError:
+            story = f"{rest!r} are no values: tasks=4, spots=[1, 2]"
+            raise koord.ArgumentError("params", story) from None
         rest = rest[match.end() :]
     return found
 

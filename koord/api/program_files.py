@@ -14,7 +14,9 @@ import os
 import re
 import shlex
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from functools import lru_cache
+from glob import escape
 from itertools import islice
 from pathlib import Path
 
@@ -22,8 +24,7 @@ from msgspec import Struct
 
 from koord.api.files import read_program
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.literals import ParamValue as ParamValue
-from koord.syntax.literals import read_number
+from koord.syntax.literals import ParamValue, read_value
 from koord.syntax.source import Source, normalise
 from koord.syntax.vocabulary import SECTIONS
 
@@ -33,10 +34,10 @@ SAID = re.compile(r"^[ \t]*#[ \t]*koord verify:(.*)$", re.MULTILINE)
 #: Sections that files of properties may have, and those that make a file a program.
 _OF_PROPERTIES = ("assume", "invariant", "eventually", "def", "param")
 _PROPERTY = re.compile(r"^(?:assume|invariant|eventually)\b", re.MULTILINE)
-_NONE = "|".join(_OF_PROPERTIES)
+_EITHER = "|".join(_OF_PROPERTIES)
 _OF_PROGRAMS = "|".join(sorted(SECTIONS - set(_OF_PROPERTIES)))
 _PROGRAM = re.compile(
-    rf"^(?:(?:{_OF_PROGRAMS})\b|def\s+adt\b|(?!(?:{_NONE})\b)[A-Za-z_]\w*[ \t]*:)",
+    rf"^(?:(?:{_OF_PROGRAMS})\b|def\s+adt\b|(?!(?:{_EITHER})\b)[A-Za-z_]\w*[ \t]*:)",
     re.MULTILINE,
 )
 
@@ -86,13 +87,9 @@ def program_files(path: Path, text: str, opened: OpenTexts) -> ProgramFiles:
     return ProgramFiles(
         Source(main.name, normalise(text)),
         tuple(folder.sources(file for file in files if file != main)),
-        tuple(folder.sources(sorted(main.parent.glob(f"{_escaped(main.stem)}*.yaml")))),
+        tuple(folder.sources(sorted(main.parent.glob(f"{escape(main.stem)}*.yaml")))),
         dict(said.params),
     )
-
-
-def _escaped(stem: str) -> str:
-    return re.sub(r"([*?\[])", r"[\1]", stem)
 
 
 class _Folder:
@@ -193,20 +190,6 @@ def _said(text: str) -> _Said:
                 files.append(value)
             elif flag == "--set" and "=" in value:
                 name, _, given = value.partition("=")
-                known = param_value(given)
-                if known is not None:
-                    params.append((name, known))
+                with suppress(ValueError):
+                    params.append((name, read_value(given)))
     return _Said(tuple(files), tuple(params))
-
-
-def param_value(text: str) -> ParamValue | None:
-    """The value of a param as ``--set`` has it: a number, true, a word, a list; None of others."""
-    text = text.strip()
-    if text.startswith("[") and text.endswith("]"):
-        items = [param_value(one) for one in text[1:-1].split(",")] if text[1:-1].strip() else []
-        known = tuple(item for item in items if item is not None)
-        return known if len(known) == len(items) else None
-    if text.lower() in ("true", "false"):
-        return text.lower() == "true"
-    number = read_number(text)
-    return number if number is not None else text if text.isidentifier() else None

@@ -18,7 +18,7 @@ from koord.api.progress import MOST_JOBS
 from koord.api.robots import ANY_NUMBER, AS_STATED, FleetSize
 from koord.cli.files import DASH
 from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS, USUAL_ROBOTS
-from koord.syntax.literals import NumberOutOfRangeError, read_number, shown
+from koord.syntax.literals import NumberOutOfRangeError, read_number, read_value
 
 if TYPE_CHECKING:
     from koord.syntax.literals import ParamValue
@@ -26,15 +26,12 @@ if TYPE_CHECKING:
 MOST_ROUNDS = 1_000_000_000
 MOST_VIOLATIONS = 1_000
 MOST_RUNS = 1_000_000
-DEEPEST_LIST = 20
 MOST_SWEPT = 1_000
 #: Of times and paces; no clock and no timer counts further.
 LEAST_MEASURE, MOST_MEASURE = Fraction(1, 10**9), 10**9
 
 _NAME = r"[^\W\d]\w*\Z"
 _RATIO = r"([+-]?[0-9]{1,100})/([0-9]{1,100})\Z"
-
-_LIST_TOKEN = r"\s*(\[|\]|,|\"[^\"]*\"|[^\s\[\],\"]+)\s*"
 
 
 def fleet(text: str) -> FleetSize:
@@ -176,63 +173,10 @@ def setting(text: str) -> tuple[str, ParamValue]:
 
 def value(text: str) -> ParamValue:
     """Parse a literal: ``4``, ``0.5``, ``true``, ``"text"``, ``pick``, ``[1, 2, [3]]``."""
-    tokens: list[str] = []
-    position = 0
-    while position < len(text):
-        token = re.compile(_LIST_TOKEN).match(text, position)
-        if token is None:
-            raise ArgumentTypeError(f"{text!r} is not a value: a quote is not closed")
-        tokens.append(token[1])
-        position = token.end()
-    if not tokens:
-        raise ArgumentTypeError("there is no value behind the =")
-    result, rest = _value(tokens, 0)
-    if rest != len(tokens):
-        raise ArgumentTypeError(f"{text!r} is not one value: {tokens[rest]!r} is too much")
-    return result
-
-
-def _value(tokens: list[str], at: int, depth: int = 0) -> tuple[ParamValue, int]:
-    if at == len(tokens):
-        raise ArgumentTypeError("the list is not closed")
-    if tokens[at] == "[":
-        if depth == DEEPEST_LIST:
-            raise ArgumentTypeError(f"lists are nested more than {DEEPEST_LIST} deep")
-        return _list(tokens, at + 1, depth + 1)
-    return _scalar(tokens[at]), at + 1
-
-
-def _list(tokens: list[str], at: int, depth: int) -> tuple[ParamValue, int]:
-    items: list[ParamValue] = []
-    if tokens[at : at + 1] == ["]"]:
-        return (), at + 1
-    while True:
-        item, at = _value(tokens, at, depth)
-        items.append(item)
-        match tokens[at : at + 1]:
-            case ["]"]:
-                return tuple(items), at + 1
-            case [","]:
-                at += 1
-            case []:
-                raise ArgumentTypeError("the list is not closed")
-            case [other]:
-                raise ArgumentTypeError(f"a comma is missing before {other!r}")
-
-
-def _scalar(token: str) -> ParamValue:
-    if token in ("true", "True", "false", "False"):
-        return token in ("true", "True")
-    if token.startswith('"'):
-        return token[1:-1]
-    amount = _number(token)
-    if amount is not None:
-        return amount
-    if re.match(_NAME, token):
-        return token
-    raise ArgumentTypeError(
-        f'{shown(token)} is not a value: write an int, a float, true, false, a word, "text", [1, 2]'
-    )
+    try:
+        return read_value(text)
+    except ValueError as error:
+        raise ArgumentTypeError(str(error)) from None
 
 
 def sweep(text: str) -> tuple[str, tuple[ParamValue, ...]]:

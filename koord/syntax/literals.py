@@ -12,6 +12,11 @@ ParamValue = int | Fraction | bool | str | tuple["ParamValue", ...]
 # Patterns are compiled when they are first needed, which most of them are in few programs.
 _WORD = r"[^\W\d]\w*\Z"
 
+#: Lists in a value of a param are nested at most so deep.
+DEEPEST_LIST = 20
+
+_LIST_TOKEN = r"\s*(\[|\]|,|\"[^\"]*\"|[^\s\[\],\"]+)\s*"
+
 #: A number that is written has so many digits at most, and so many decimal places around the point.
 MOST_DIGITS, MOST_PLACES = 100, 400
 
@@ -59,6 +64,70 @@ def read_number(text: str) -> int | Fraction | None:
             f"write at most {MOST_DIGITS} digits, or 1e{MOST_PLACES} at most"
         )
     return None
+
+
+def read_value(text: str) -> ParamValue:
+    """Parse a value as ``--set`` has it: ``4``, ``0.5``, ``true``, ``"text"``, ``[1, 2, [3]]``.
+
+    Raises ValueError, which says what is wrong.
+    """
+    tokens: list[str] = []
+    position = 0
+    while position < len(text):
+        token = re.compile(_LIST_TOKEN).match(text, position)
+        if token is None:
+            raise ValueError(f"{text!r} is not a value: a quote is not closed")
+        tokens.append(token[1])
+        position = token.end()
+    if not tokens:
+        raise ValueError("there is no value behind the =")
+    result, rest = _value(tokens, 0)
+    if rest != len(tokens):
+        raise ValueError(f"{text!r} is not one value: {tokens[rest]!r} is too much")
+    return result
+
+
+def _value(tokens: list[str], at: int, depth: int = 0) -> tuple[ParamValue, int]:
+    if at == len(tokens):
+        raise ValueError("the list is not closed")
+    if tokens[at] == "[":
+        if depth == DEEPEST_LIST:
+            raise ValueError(f"lists are nested more than {DEEPEST_LIST} deep")
+        return _list(tokens, at + 1, depth + 1)
+    return _scalar(tokens[at]), at + 1
+
+
+def _list(tokens: list[str], at: int, depth: int) -> tuple[ParamValue, int]:
+    items: list[ParamValue] = []
+    if tokens[at : at + 1] == ["]"]:
+        return (), at + 1
+    while True:
+        item, at = _value(tokens, at, depth)
+        items.append(item)
+        match tokens[at : at + 1]:
+            case ["]"]:
+                return tuple(items), at + 1
+            case [","]:
+                at += 1
+            case []:
+                raise ValueError("the list is not closed")
+            case [other]:
+                raise ValueError(f"a comma is missing before {other!r}")
+
+
+def _scalar(token: str) -> ParamValue:
+    if token in ("true", "True", "false", "False"):
+        return token in ("true", "True")
+    if token.startswith('"'):
+        return token[1:-1]
+    amount = read_number(token)
+    if amount is not None:
+        return amount
+    if re.match(_WORD, token):
+        return token
+    raise ValueError(
+        f'{shown(token)} is not a value: write an int, a float, true, false, a word, "text", [1, 2]'
+    )
 
 
 def is_moderate(value: int | Fraction) -> bool:

@@ -78,7 +78,8 @@ def test_texts_that_are_open_count_and_not_what_is_saved(tmp_path: Path) -> None
 def test_a_comment_that_is_half_written_is_passed_over(tmp_path: Path) -> None:
     path = tmp_path / "app.krd"
     path.write_text(
-        "# koord verify: --with 'more\n# koord verify: --set a=[1, --set b=[]\n", "utf-8"
+        "# koord verify: --with 'more\n# koord verify: --set a=[1, --set c=1e999 --set b=[]\n",
+        "utf-8",
     )
     found = files(path)
     assert (names(found), found.params) == (("app.krd",), {"b": ()})
