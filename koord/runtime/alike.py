@@ -9,42 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from typing import TypeVar
+from operator import is_
+from typing import TypeVar, TypeVarTuple
 
-A = TypeVar("A")
-B = TypeVar("B")
+Of = TypeVarTuple("Of")
 R = TypeVar("R")
 
 
-def kept_of_one(work: Callable[[A], R]) -> Callable[[A], R]:
-    """A pure function of an object that never changes, which keeps its last result."""
-    last: tuple[A, R] | None = None
+def keeps_last(work: Callable[[*Of], R]) -> Callable[[*Of], R]:
+    """A pure function of objects that never change, which keeps its last result."""
+    last: tuple[tuple[*Of], R] | None = None
 
     @wraps(work)
-    def kept(a: A) -> R:
+    def once(*of: *Of) -> R:
         nonlocal last
         known = last
-        if known is not None and known[0] is a:
+        if known is not None and all(map(is_, known[0], of)):
             return known[1]
-        result = work(a)
-        last = a, result  # at once: threads see all of it or nothing
+        result = work(*of)
+        last = of, result  # at once: threads see all of it or nothing
         return result
 
-    return kept
-
-
-def kept_of_two(work: Callable[[A, B], R]) -> Callable[[A, B], R]:
-    """The same of a function of two such objects."""
-    last: tuple[A, B, R] | None = None
-
-    @wraps(work)
-    def kept(a: A, b: B) -> R:
-        nonlocal last
-        known = last
-        if known is not None and known[0] is a and known[1] is b:
-            return known[2]
-        result = work(a, b)
-        last = a, b, result
-        return result
-
-    return kept
+    return once

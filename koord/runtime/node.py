@@ -42,9 +42,8 @@ from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import Durable, State, durable
 from koord.runtime.transports.shared import SharedEnd
 from koord.runtime.transports.transport import Transport
-from koord.runtime.wire.bodies import FIRST_HANDSHAKE_KIND
 from koord.runtime.wire.codec import Channel, DatagramReader, DatagramWriter, is_handshake
-from koord.runtime.wire.frames import KIND_AT, Drops
+from koord.runtime.wire.frames import Drops
 
 
 class Participant(Protocol):
@@ -325,9 +324,7 @@ class Peer:
         counts, size = self.counts, len(datagram)
         counts.arrived += 1
         counts.arrived_bytes += size
-        # Cheap to see, and so for what is said in each round.
-        may_be = size > KIND_AT and datagram[KIND_AT] >= FIRST_HANDSHAKE_KIND
-        if may_be and is_handshake(datagram):
+        if is_handshake(datagram):
             self.on_handshake(datagram)
             return
         letter = self._reader.read(datagram)

@@ -584,16 +584,16 @@ WIRE_MISTAKES = (
     ),
     Mutant(
         "who joins later is not heard",
-        "runtime.node.Peer.read",
+        "runtime.wire.codec.is_handshake",
         "datagram[KIND_AT] >= FIRST_HANDSHAKE_KIND",
         "datagram[KIND_AT] > FIRST_HANDSHAKE_KIND",
         (TRANSPORTS,),
     ),
     Mutant(
         "what was worked out of another history is taken",
-        "runtime.alike.kept_of_two",
-        "known is not None and known[0] is a and known[1] is b",
-        "known is not None and known[1] is b",
+        "runtime.alike.keeps_last",
+        "all(map(is_, known[0], of))",
+        "known[0][-1] is of[-1]",
         (ALIKE,),
     ),
     Mutant(

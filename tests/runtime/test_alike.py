@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from koord.runtime.alike import kept_of_one, kept_of_two
+from koord.runtime.alike import keeps_last
 from koord.runtime.chaos.network import CALM, Network
 from koord.runtime.chaos.storm import Ledgers
 from koord.runtime.protocol.committing import admitted_of
@@ -13,12 +13,12 @@ from koord.runtime.protocol.setup import Setup, Timing
 def test_the_last_result_is_that_of_the_same_objects_only() -> None:
     asked: list[tuple[object, ...]] = []
 
-    @kept_of_one
+    @keeps_last
     def double(a: list[int]) -> list[int]:
         asked.append((a,))
         return a * 2
 
-    @kept_of_two
+    @keeps_last
     def joined(a: list[int], b: list[int]) -> list[int]:
         asked.append((a, b))
         return a + b

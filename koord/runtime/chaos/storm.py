@@ -14,7 +14,7 @@ import msgspec
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.runtime.alike import kept_of_two
+from koord.runtime.alike import keeps_last
 from koord.runtime.chaos.network import CALM, Faults, Network, Newborn, Sent, SwitchedOn
 from koord.runtime.exploration.claims import (
     Accepted,
@@ -84,7 +84,7 @@ Stored = Mapping[tuple[Plain, ...], Plain]
 _EMPTY: Stored = MappingProxyType({})
 
 
-@kept_of_two
+@keeps_last
 def _after(store: Stored, decision: Decision) -> Stored:
     """The store after a decision."""
     changed = dict(store)

@@ -352,8 +352,7 @@ class Member:
     @property
     def all_stopped(self) -> bool:
         """True if all robots have stopped."""
-        statuses = self.statuses  # of the first it is cheap to see, and looked at in each step
-        return statuses[0] is Status.STOPPED and all(one is Status.STOPPED for one in statuses)
+        return all(status is Status.STOPPED for status in self.statuses)
 
     def hold(self, reason: Reason | None) -> None:
         """Come to a safe stop for a reason; None: go on."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from koord.runtime.alike import kept_of_one, kept_of_two
+from koord.runtime.alike import keeps_last
 from koord.runtime.proposals import Admitted
 from koord.runtime.protocol.events import Begin, Commit, Reason, RunEnded, Timer
 from koord.runtime.protocol.messages import (
@@ -55,7 +55,7 @@ def admitted_of(entry: LogEntry, pid: int) -> Admitted | None:
     return _by_robot(entry.decision.ran).get(pid)
 
 
-@kept_of_one
+@keeps_last
 def _by_robot(ran: tuple[Admitted, ...]) -> dict[int, Admitted]:
     return {taken.robot: taken for taken in ran}
 
@@ -77,7 +77,7 @@ def _roster(roster: tuple[int, ...], entry: LogEntry) -> tuple[int, ...]:
     return tuple(changed)
 
 
-@kept_of_two
+@keeps_last
 def _last_ran(before: tuple[LastRun | None, ...], entry: LogEntry) -> tuple[LastRun | None, ...]:
     if not entry.decision.ran:
         return before

@@ -6,7 +6,7 @@ from hashlib import blake2b
 
 from msgspec import Struct
 
-from koord.runtime.alike import kept_of_one
+from koord.runtime.alike import keeps_last
 from koord.runtime.encoding import encode
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Decision, Flat, Proposal
@@ -52,7 +52,7 @@ class LogEntry(Flat, frozen=True):
         return self.decision.round
 
 
-@kept_of_one
+@keeps_last
 def digest(entry: LogEntry) -> bytes:
     """The digest of the history that ends with an entry."""
     return blake2b(encode(entry), digest_size=DIGEST_BYTES).digest()

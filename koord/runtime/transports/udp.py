@@ -14,7 +14,7 @@ from functools import partial
 from msgspec import Struct
 
 from koord.runtime.transports.transport import TransportError, Visit
-from koord.runtime.wire.frames import FIRST_ORDER_KIND, KIND_AT, LONGEST, is_order
+from koord.runtime.wire.frames import LONGEST, is_order
 
 Address = tuple[str, int]
 
@@ -93,8 +93,7 @@ class Mailbox:
 
     def take(self, datagram: bytes, source: Address) -> None:
         """Take a datagram that has come, if it is not this robot's own."""
-        may_be = len(datagram) > KIND_AT and datagram[KIND_AT] >= FIRST_ORDER_KIND  # cheap to see
-        if may_be and is_order(datagram):
+        if is_order(datagram):
             self._visits.append(Visit(datagram, partial(self._answer, source)))
         elif source != self._own:
             if len(self._waiting) < self._most:

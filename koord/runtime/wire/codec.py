@@ -206,10 +206,6 @@ class DatagramWriter:
         """Encode a message as datagrams; ``round_`` is where the sender is."""
         kind, body = kind_and_body(message)
         pieces = cut(body)
-        if len(pieces) == 1:
-            frame = Frame(kind, self._pid, incarnation, self._number, round_, 0, 1, body)
-            self._number += 1
-            return [self._seal.put_on(frame)]
         datagrams = []
         for piece, part in enumerate(pieces):
             frame = Frame(
@@ -392,5 +388,6 @@ def claims_encryption(datagram: bytes) -> bool | None:
 
 def is_handshake(datagram: bytes) -> bool:
     """Return whether a datagram says to be part of a handshake."""
-    is_ours = len(datagram) > KIND_AT and datagram[0] == NAME
-    return is_ours and FIRST_HANDSHAKE_KIND <= datagram[KIND_AT] < FIRST_ORDER_KIND
+    # What is said in each round is told by its kind alone.
+    may_be = len(datagram) > KIND_AT and datagram[KIND_AT] >= FIRST_HANDSHAKE_KIND
+    return may_be and datagram[KIND_AT] < FIRST_ORDER_KIND and datagram[0] == NAME

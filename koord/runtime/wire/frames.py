@@ -88,8 +88,9 @@ def order_key(shared_key: bytes) -> bytes:
 
 def is_order(datagram: bytes) -> bool:
     """Return whether a datagram says to be an order of people, or the answer to one."""
-    is_ours = len(datagram) > KIND_AT and datagram[0] == NAME
-    return is_ours and datagram[KIND_AT] >= FIRST_ORDER_KIND
+    # What is said in each round is told by its kind alone.
+    may_be = len(datagram) > KIND_AT and datagram[KIND_AT] >= FIRST_ORDER_KIND
+    return may_be and datagram[0] == NAME
 
 
 def _derived(shared_key: bytes, of: bytes, person: bytes) -> bytes:
