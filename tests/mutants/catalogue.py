@@ -799,7 +799,7 @@ VERIFY = (
     Mutant(
         "merged maps have what both have",
         "verify.reduction.abstraction._Rewriter._promising_merged",
-        "binary(BinaryOp.OR, look(Observer.HAS, old), look(Observer.HAS, new))",
+        "either(look(Observer.HAS, old), look(Observer.HAS, new))",
         "binary(BinaryOp.AND, look(Observer.HAS, old), look(Observer.HAS, new))",
         (OBSERVERS,),
     ),
@@ -827,8 +827,9 @@ VERIFY = (
     Mutant(
         "of two entries with one key the first counts",
         "verify.reduction.problems._map_of",
-        "(found[at[0]][0], value)",
-        "found[at[0]]",
+        "insert(EXACT, found, key, value)",
+        "found if any(identical(key, k) for k, _ in found.entries) else "
+        "insert(EXACT, found, key, value)",
         (OBSERVERS,),
     ),
     Mutant(

@@ -355,8 +355,8 @@ class _Rewriter:
 
         every: list[core.Expr] = []
         if self._asks(Observer.HAS, type_):
-            either = binary(BinaryOp.OR, look(Observer.HAS, old), look(Observer.HAS, new))
-            every.append(binary(BinaryOp.EQ, look(Observer.HAS, result), either))
+            there = either(look(Observer.HAS, old), look(Observer.HAS, new))
+            every.append(binary(BinaryOp.EQ, look(Observer.HAS, result), there))
         if self._asks(Observer.AT, type_):
             is_new = look(Observer.HAS, new)
             from_new, from_old = (
@@ -364,7 +364,7 @@ class _Rewriter:
                 for source in (new, old)
             )
             every.append(binary(BinaryOp.IMPLIES, is_new, from_new))
-            every.append(binary(BinaryOp.OR, is_new, from_old))
+            every.append(either(is_new, from_old))
         forall, keys = core.QuantifierKind.FORALL, self._keys[type_]
         of_keys: core.QuantifierDomain = core.AllValues(key.type)
         if keys is not None:

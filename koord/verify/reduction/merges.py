@@ -12,7 +12,7 @@ from koord.syntax.types import MapType
 from koord.syntax.walk import nodes
 
 #: Of so many keys a summary speaks one by one.
-MOST_ASKED = 64
+_MOST_ASKED = 64
 
 
 def merged(function: core.Function) -> MapType | None:
@@ -81,7 +81,7 @@ def asked_keys(program: core.Program, type_: MapType) -> range | None:
     if not asked:
         return range(0)
     whole = range(min(each.start for each in asked), max(each.stop for each in asked))
-    return whole if len(whole) <= MOST_ASKED else None
+    return whole if len(whole) <= _MOST_ASKED else None
 
 
 def _keys_of(program: core.Program, type_: MapType) -> Iterator[core.Expr]:

@@ -18,7 +18,7 @@ from koord.semantics.recordings import Answer, Opening, Reading, Recording, Roun
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.statements import machine
 from koord.semantics.storage import held
-from koord.semantics.values import Rec, Seq, Table, Value, identical, map_scalars
+from koord.semantics.values import Rec, Seq, Table, Value, identical, insert, map_scalars
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.diagnostics import KoordError
@@ -247,11 +247,11 @@ class Concretion(Struct):
                     at = index if near else MOST_ITEMS - (beyond - index)
                     items[at] = self._value(answer.value, self._result(answer))
                     length = beyond
-        if length is not None:
-            length = min(length, MOST_ITEMS)
 
-        def made(count: int, given: Mapping[int, Value[Constant]]) -> Value[Constant]:
-            known = {**given, **items}
+        def made(usual: int, given: Mapping[int, Value[Constant]]) -> Value[Constant]:
+            """A list, so long as it is usual if nobody asked; -1 is its last element."""
+            count = usual if length is None else min(length, MOST_ITEMS)
+            known = {k if k >= 0 else count + k: value for k, value in given.items()} | items
             return Seq(
                 count,
                 tuple(
@@ -259,16 +259,13 @@ class Concretion(Struct):
                 ),
             )
 
-        for count in (1,) if length is None else (length,):
-            yield made(count, {})
-        for count in (3,) if length is None else (length,):
-            for first in ends:
-                for last in ends:
-                    yield made(count, {0: first, count - 1: last})
-        for count in (2,) if length is None else (length,):
-            for end in ends:
-                yield made(count, {count - 1: end})
-                yield made(count, {0: end})
+        yield made(1, {})
+        for first in ends:
+            for last in ends:
+                yield made(3, {0: first, -1: last})
+        for end in ends:
+            yield made(2, {-1: end})
+            yield made(2, {0: end})
         if length is None:
             yield Seq(0, ())
 
@@ -353,14 +350,10 @@ def _map_of(
     entries: Iterable[tuple[Value[Constant], Value[Constant]]],
 ) -> Table[Constant]:
     """The map of some entries, of which with one key the last counts. [E-MAP]"""
-    found: list[tuple[Value[Constant], Value[Constant]]] = []
+    found: Table[Constant] = Table(0, ())
     for key, value in entries:
-        at = [k for k, (other, _) in enumerate(found) if identical(key, other)]
-        if at:
-            found[at[0]] = (found[at[0]][0], value)
-        else:
-            found.append((key, value))
-    return Table(len(found), tuple(found))
+        found = insert(EXACT, found, key, value)
+    return found
 
 
 def _parts_of(value: Value[Constant], type_: Type, wanted: Type) -> Iterator[Value[Constant]]:

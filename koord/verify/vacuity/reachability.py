@@ -166,18 +166,18 @@ def unbroken(
         pending = [claim for claim in pending if claim not in met]
         if not pending and any(round_ > 0 for round_ in met.values()):
             return Unbroken(frozenset())
-    found = Unbroken(frozenset())  # for sure
+    later = frozenset[Claim]()
     if ever and runs > 0 and pending:
         lasting = _held_by_few_states(system, pending, SMALL, deadline)
         asked = [claim for claim in pending if claim not in lasting]
         met = seen(system, asked, runs, deadline.sooner(runs_s), seed)
         later = frozenset(claim for claim, round_ in met.items() if round_ > rounds)
-        found, pending = Unbroken(later, later=later), [c for c in pending if c not in met]
+        pending = [claim for claim in pending if claim not in met]
         if not pending and any(round_ > 0 for round_ in met.values()):
-            return found
+            return Unbroken(later, later=later)
     few = _of_few(system, pending, rounds, deadline, hasty, seed, reaching)
     if few.known and not few.claims and few.stuck is None:
-        return _and_later(few, found.later)
+        return _and_later(few, later)
     pending = [claim for claim in pending if claim in few.claims]
     if runs == 0:
         return _unbroken(system, seed, pending, rounds, deadline, effort, reaching=reaching)
@@ -188,7 +188,7 @@ def unbroken(
             return Unbroken(frozenset())
     left = _unbroken(system, seed, pending, rounds, deadline, hasty, reaching=reaching)
     if deadline.passed() or not left.claims:
-        return _and_later(left, found.later)
+        return _and_later(left, later)
     met = {}
     if not ever:
         lasting = set[Claim]()
@@ -204,7 +204,7 @@ def unbroken(
             # What two of a kind cannot do all together seldom can, and that takes long to tell.
             effort = Effort(effort.left // 4)
         left = _unbroken(system, seed, pending, rounds, deadline, effort, reaching=reaching)
-    return _and_later(left, found.later | (left.claims & met.keys()))
+    return _and_later(left, later | (left.claims & met.keys()))
 
 
 def _and_later(left: Unbroken, later: frozenset[Claim]) -> Unbroken:
