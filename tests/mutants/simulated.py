@@ -651,7 +651,7 @@ SIMULATED = (
     Mutant(
         "every car goes to the place below its goals",
         "runtime.configuration.model.Vehicle.ignores_height",
-        "PUBLISHED_CAR in self.automata",
+        "MotionAutomaton.CAR.value in self.automata",
         "True",
         ("tests/sim/test_published_cars.py",),
     ),

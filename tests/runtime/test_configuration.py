@@ -253,8 +253,8 @@ def test_a_mistake_is_told_with_its_line_and_its_cure(
 def test_what_a_device_comes_to_is_worked_out_once_for_all_its_robots() -> None:
     text = (
         "agents:\n  - {pid: 0, on_device: a}\n  - {pid: 1, on_device: b}\n"
-        "  - {pid: 2, on_device: a}\n  - {pid: 3, on_device: a, motion_automaton: Fly}\n"
-        "devices: {a: {motion_automata: [Fly]}, b: {}}\n"
+        "  - {pid: 2, on_device: a}\n  - {pid: 3, on_device: a, motion_automaton: MoatTestCar}\n"
+        "devices: {a: {motion_automata: [MoatTestCar]}, b: {}}\n"
     )
     first, other, again, flying = (place.vehicle for place in loaded(text).robots)
     assert again is first

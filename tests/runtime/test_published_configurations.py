@@ -15,13 +15,13 @@ ONE = """\
 agent:
   pid: 2
   on_device: rover
-  motion_automaton: Drive
+  motion_automaton: MoatTestCar
 device:
   bot_name: rover
   bot_type: CAR
   ip: 10.0.0.7
   port: 4002
-  motion_automata: Drive
+  motion_automata: MoatTestCar
   planner: SimplePlanner
 leader_pid: 1
 num_agents: 3
@@ -34,12 +34,12 @@ PORTS = ONE.replace("num_agents: 3\n", "").replace("  pid: 2\n", "  pid: 2\n  pl
 LISTED = """\
 leader_pid: 3
 agents:
-  - {pid: 1, ip: 10.0.0.1, port: 2001, motion_automaton: Fly}
-  - {pid: 2, ip: 10.0.0.1, port: 2002, motion_automaton: Fly}
+  - {pid: 1, ip: 10.0.0.1, port: 2001, motion_automaton: MoatTestDrone}
+  - {pid: 2, ip: 10.0.0.1, port: 2002, motion_automaton: MoatTestDrone}
   - {pid: 3, ip: 10.0.0.2, port: 2003, on_device: low}
 devices:
   - {bot_name: low, bot_type: CAR}
-  - {bot_name: high, bot_type: QUAD, motion_automata: Fly}
+  - {bot_name: high, bot_type: QUAD, motion_automata: MoatTestDrone}
 positions: {1: [0, 5, 1], 3: [0, 0]}
 """
 
@@ -78,7 +78,7 @@ def test_a_file_for_one_agent_is_a_run_of_all_of_which_the_others_are_like_it() 
     ]
     assert {robot.vehicle.type_name for robot in made.robots} == {"CAR"}
     assert {robot.vehicle.planner for robot in made.robots} == {PlannerName.STRAIGHT}
-    assert {robot.vehicle.automata for robot in made.robots} == {("Drive",)}
+    assert {robot.vehicle.automata for robot in made.robots} == {("MoatTestCar",)}
     assert made.robots[2].address == ("10.0.0.7", 4002)
     assert len({robot.address for robot in made.robots}) == 3
     assert made.leader == 1
@@ -185,13 +185,40 @@ def test_instead_of_an_automaton_that_its_device_has_not_the_first_is_taken() ->
     """(P-ROS-PUBLISHED)"""
     text = (
         "agents:\n"
-        "  - {pid: 0, on_device: a, motion_automaton: Fly}\n"
+        "  - {pid: 0, on_device: a, motion_automaton: MoatHectorQuadrotor}\n"
         "devices:\n"
-        "  a: {motion_automata: [Drive, Park], positioning_topic: {topic: p/, type: PoseStamped}}\n"
+        "  a: {motion_automata: [MoatTestDrone, MoatTestCar],\n"
+        "      positioning_topic: {topic: p/, type: PoseStamped}}\n"
     )
-    assert told(text) == [(2, "a has no Fly: Drive is taken instead")]
-    assert b'"motion_automaton":"Drive"' in loaded(text).robots[0].vehicle.options
-    assert told(text.replace("Fly", "Park")) == []
+    assert told(text) == [(2, "a has no MoatHectorQuadrotor: MoatTestDrone is taken instead")]
+    assert b'"motion_automaton":"MoatTestDrone"' in loaded(text).robots[0].vehicle.options
+    assert told(text.replace("MoatHectorQuadrotor", "MoatTestCar")) == []
+
+
+UNKNOWN = "simulated vehicles move as their type does"
+
+
+@pytest.mark.parametrize(
+    ("device", "line"),
+    [
+        ("motion_automata: [MoatTestDrone, MoatTestDrne]", 4),
+        ("motion_automata: MoatTestDrne", 4),
+        ("motion: {motion_automata: [MoatTestDrne]}", 4),
+        ("", 2),
+    ],
+)
+def test_automata_that_are_not_published_are_warned_of(device: str, line: int) -> None:
+    """(P-ROS-PUBLISHED)"""
+    text = (
+        "agents:\n"
+        "  - {pid: 0, on_device: a, motion_automaton: MoatTestDrne}\n"
+        "devices:\n"
+        f"  a: {{bot_type: QUAD, {device}{',' if device else ''}\n"
+        "      positioning_topic: {topic: p/, type: PoseStamped}}\n"
+    )
+    assert told(text) == [(line, f"there is no motion automaton MoatTestDrne: {UNKNOWN}")]
+    hints = [one.hint for one in loaded(text).warnings]
+    assert hints == ["did you mean MoatTestDrone?"]
 
 
 @pytest.mark.parametrize(

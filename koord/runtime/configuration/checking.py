@@ -23,6 +23,7 @@ from koord.runtime.configuration.forms import (
 from koord.runtime.configuration.keys import HINT, weakness
 from koord.runtime.configuration.locating import stated_localiser
 from koord.runtime.configuration.model import (
+    MotionAutomaton,
     RobotPlace,
     RunConfiguration,
     Scatter,
@@ -53,6 +54,8 @@ from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import Source, Span
 
 DEFAULT_PORT = 61_820
+
+_PUBLISHED_AUTOMATA = [one.value for one in MotionAutomaton]
 
 #: In the block of addresses that any organisation may use for itself.
 DEFAULT_GROUP = "239.255.75.1"
@@ -238,7 +241,7 @@ class _Checker(FormReader):
     ) -> RobotPlace:
         name, device, where = self._device(form, agent, path)
         device, own = _addressed(device, agent)
-        agent = self._suiting(name, device, agent, path)
+        agent = self._suiting(name, device, where, agent, path)
         kind = (name, where, agent.motion_automaton)
         vehicle = self._vehicles.get(kind)
         if vehicle is None:
@@ -259,17 +262,39 @@ class _Checker(FormReader):
         address = (ip, port)
         return RobotPlace(agent.pid, vehicle, agent.kind, place, address, agent.heading, path)
 
-    def _suiting(self, name: str, device: Device, agent: Agent, path: Path) -> Agent:
+    def _suiting(self, name: str, device: Device, where: Path, agent: Agent, path: Path) -> Agent:
         """The agent with a motion automaton that its device has. (P-ROS-PUBLISHED)"""
         automata, automaton = automata_of(device), agent.motion_automaton
+        own = (*path, "motion_automaton")
+        if automata:
+            at = where if device.motion_automata else (*where, "motion")
+            for i, one in enumerate(automata):
+                self._check_automaton(one, (*at, "motion_automata", i))
+        elif automaton is not None:
+            self._check_automaton(automaton, own)
         if automaton is None or not automata or automaton in automata:
             return agent
         hint = f"{name} has {', '.join(automata)}"
         story = f"{name} has no {automaton}: {automata[0]} is taken instead"
-        told = taken_otherwise(self._document, (*path, "motion_automaton"), story, hint)
-        if all(told.span != one.span for one in self._warnings):  # it may stand there for many
-            self._warnings.append(told)
+        self._warn_once(own, story, hint)
         return msgspec.structs.replace(agent, motion_automaton=automata[0])
+
+    def _check_automaton(self, name: str, path: Path) -> None:
+        """Warn of a motion automaton that is none of the published ones: ROS drivers refuse it."""
+        if name not in _PUBLISHED_AUTOMATA:
+            near = get_close_matches(name, _PUBLISHED_AUTOMATA, n=1)
+            known = " and ".join(_PUBLISHED_AUTOMATA)
+            hint = f"did you mean {near[0]}?" if near else f"known are {known}"
+            story = (
+                f"there is no motion automaton {name}: simulated vehicles move as their type does"
+            )
+            self._warn_once(path, story, hint)
+
+    def _warn_once(self, path: Path, message: str, hint: str) -> None:
+        """Warn of what is taken otherwise than it is written; it may stand there for many."""
+        told = taken_otherwise(self._document, path, message, hint)
+        if all(told.span != one.span for one in self._warnings):
+            self._warnings.append(told)
 
     def _device(self, form: Form, agent: Agent, path: Path) -> tuple[str, Device, Path]:
         """The device that a robot runs on, its name, and its place in the file."""

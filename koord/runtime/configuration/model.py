@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from enum import Enum
 from typing import Any, ClassVar
 
 from msgspec import Struct, field
@@ -19,8 +20,20 @@ from koord.syntax.elaboration.settings import ParamValue
 from koord.syntax.literals import NumberOutOfRangeError, is_number, read_number
 from koord.syntax.source import Source, Span
 
-#: The motion automaton of cars in configurations of the published middleware.
-PUBLISHED_CAR = "MoatTestCar"
+
+class MotionAutomaton(Enum):
+    """The motion automata of the published middleware. (P-ROS-PUBLISHED)"""
+
+    CAR = "MoatTestCar"
+    DRONE = "MoatTestDrone"
+    #: It calls actions of Hector's quadrotor. Here it is the node beside that which does so, and
+    #: hears way-points.
+    HECTOR = "MoatHectorQuadrotor"
+
+    @property
+    def frame(self) -> str:
+        """The `frame_id` of way-points. It is no frame: 1 asks to be told of the arrival."""
+        return "1"
 
 
 class Vehicle(Struct, frozen=True):
@@ -55,7 +68,7 @@ class Vehicle(Struct, frozen=True):
     @property
     def ignores_height(self) -> bool:
         """True if it drives as published cars do: to the place below its goal. (P-PUBLISHED-CAR)"""
-        return self.body.ON_GROUND and PUBLISHED_CAR in self.automata
+        return self.body.ON_GROUND and MotionAutomaton.CAR.value in self.automata
 
 
 class RobotPlace(Struct, frozen=True):

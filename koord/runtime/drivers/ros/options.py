@@ -14,6 +14,7 @@ from enum import Enum
 from msgspec import Struct
 
 from koord.runtime.configuration.forms import Natural, NotNegative, Positive, Topic
+from koord.runtime.configuration.model import MotionAutomaton
 from koord.runtime.configuration.topics import topic_word
 from koord.runtime.drivers.driver import DriverError
 
@@ -65,21 +66,6 @@ FITTING = {
 }
 
 
-class Automaton(Enum):
-    """The published motion automata: what else they say to their vehicles than a place."""
-
-    CAR = "MoatTestCar"
-    DRONE = "MoatTestDrone"
-    #: It calls actions of Hector's quadrotor. Here it is the node beside that which does so, and
-    #: hears way-points.
-    HECTOR = "MoatHectorQuadrotor"
-
-    @property
-    def frame(self) -> str:
-        """The `frame_id` of way-points. It is no frame: 1 asks to be told of the arrival."""
-        return "1"
-
-
 class SensorTopic(Topic, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A topic of a sensor, and where that sits on the vehicle: m forward, m left, rad."""
 
@@ -94,7 +80,9 @@ class RosOptions(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     command_topic: Topic | None = None  #: without, and without way-points: `cmd_vel`
     waypoint_topic: Topic | None = None  #: the vehicle's own controller drives to these
     reached_topic: Topic | None = None  #: that controller says that it is there
-    motion_automaton: Automaton | None = None  #: of the published middleware (P-ROS-PUBLISHED)
+    motion_automaton: MotionAutomaton | None = (
+        None  #: of the published middleware (P-ROS-PUBLISHED)
+    )
     ros_node_prefix: str = ""  #: of relative names of topics; `{pid}` is the robot's
     queue_size: Natural = 10  #: messages that are kept for who is slow; 0 is 1
     frame: str | None = None  #: `frame_id` that poses must have; without: that of the first

@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from koord.runtime.configuration.forms import Topic
-from koord.runtime.configuration.model import Vehicle
+from koord.runtime.configuration.model import MotionAutomaton, Vehicle
 from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.frames import turned
 from koord.runtime.drivers.ros.graph import Fields, filled
-from koord.runtime.drivers.ros.options import Automaton, SensorTopic, Wire
+from koord.runtime.drivers.ros.options import SensorTopic, Wire
 from koord.runtime.drivers.ros2 import messages as m
 from koord.runtime.drivers.ros2.driver import Ros2Driver
 from koord.runtime.drivers.ros2.options import Ros2Options
@@ -183,9 +183,9 @@ def test_what_is_said_of_an_earlier_way_point_is_not_about_the_next() -> None:
     assert len(one.sent("waypoint")) == 2
 
 
-@pytest.mark.parametrize(("automaton", "frame"), [(None, "map"), (Automaton.CAR, "1")])
+@pytest.mark.parametrize(("automaton", "frame"), [(None, "map"), (MotionAutomaton.CAR, "1")])
 def test_way_points_of_published_automata_ask_for_an_answer(
-    automaton: Automaton | None, frame: str
+    automaton: MotionAutomaton | None, frame: str
 ) -> None:
     """(P-ROS-PUBLISHED)"""
     one = Told(
