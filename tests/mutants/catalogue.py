@@ -524,6 +524,13 @@ VERIFY = (
         (RACES,),
     ),
     Mutant(
+        "who was begun ahead goes on with what is violated",
+        "verify.strategy.race.Ahead.violated",
+        "verdict.outcome is Outcome.VIOLATED",
+        "False",
+        (RACES,),
+    ),
+    Mutant(
         "what was done at a glance is counted",
         "verify.strategy.race._at_a_glance",
         "turns == 2",

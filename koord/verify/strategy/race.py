@@ -64,6 +64,14 @@ class Ahead(Struct, frozen=True):
         job = _started(pool, known, runners, PastVerification())
         return Ahead(tuple(runners), known, job)
 
+    def violated(self, ledger: Ledger) -> bool:
+        """Return whether something is violated, as a ledger says, that they try to prove.
+
+        That takes them longer than all else: an answer is looked for of which there is none.
+        """
+        found = (ledger.verdicts.get(claim) for claim in self.known.open())
+        return any(verdict and verdict.outcome is Outcome.VIOLATED for verdict in found)
+
     @contextmanager
     def ending(self, ledger: Ledger, pool: Pool) -> Iterator[None]:
         """At the end of the context it is ended, be it that no race was run.
@@ -111,17 +119,20 @@ class RaceTurn(Struct, frozen=True):
 
     def work(self, ledger: Ledger) -> None:
         jobs: dict[tuple[Runner, ...], Job[Extract]] = {}
+        given: dict[tuple[Runner, ...], Ledger] = {}
         first, patience = tuple(filter(self._is_open, self.first)), self.patience
         try:
             if self.ahead is not None:
-                first = self._after_head_start(ledger, self.ahead, jobs)
-                if patience is not None:
-                    glance = _at_a_glance(self.ahead.job)
-                    patience = replace(patience, steps=patience.steps + glance)
+                violated = self.ahead.violated(ledger)
+                first = self._after_head_start(ledger, self.ahead, jobs, anew=violated)
+                if not violated:
+                    given[self.ahead.runners] = self.ahead.known
+                    if patience is not None:
+                        glance = _at_a_glance(self.ahead.job)
+                        patience = replace(patience, steps=patience.steps + glance)
                 if not self.wanted(ledger):
                     return
             known = ledger.of(ledger.open(), ledger.report)
-            given = {} if self.ahead is None else {self.ahead.runners: self.ahead.known}
             beside = tuple(filter(self._is_open, self.beside))
             groups = [runners for runners in (first, *((each,) for each in beside)) if runners]
             if can_fork():
@@ -152,9 +163,17 @@ class RaceTurn(Struct, frozen=True):
                 self.pool.drop(job)
 
     def _after_head_start(
-        self, ledger: Ledger, ahead: Ahead, jobs: dict[tuple[Runner, ...], Job[Extract]]
+        self,
+        ledger: Ledger,
+        ahead: Ahead,
+        jobs: dict[tuple[Runner, ...], Job[Extract]],
+        *,
+        anew: bool,
     ) -> tuple[Runner, ...]:
-        """Take what those who were begun ahead have at a glance; return them if they go on."""
+        """Take what those who were begun ahead have at a glance; return them if they go on.
+
+        They begin ``anew`` in the race where something else is known by now than when they began.
+        """
         job = jobs[ahead.runners] = ahead.job
         if can_fork():
             with ledger.waiting():
@@ -169,8 +188,8 @@ class RaceTurn(Struct, frozen=True):
             raise KeyboardInterrupt
         if found is not None:
             return ()
-        if self.pool.jobs == 1 and not job.is_done:
-            # There is one core, which is for others: they begin anew behind these.
+        if anew or (self.pool.jobs == 1 and not job.is_done):
+            # If there is one core, it is for others: they begin behind these.
             self.pool.drop(job)
             del jobs[ahead.runners]
         return ahead.runners

@@ -642,6 +642,40 @@ def test_what_was_settled_before_the_race_stays(system: System, jobs: int) -> No
     assert engines(found) == {**dict.fromkeys(EVERYTHING, Engine.EVERY_N), "Few": Engine.SEARCH}
 
 
+@pytest.mark.parametrize("jobs", [1, 2, 3])
+def test_who_was_begun_ahead_begins_anew_without_what_is_violated(
+    system: System, jobs: int
+) -> None:
+    """To look for a proof of it would take longer than it is waited for; so long has the new one.
+
+    What the first one has at a glance is known to all by then.
+    """
+
+    def before(ledger: Ledger) -> None:
+        never = next(claim for claim in ledger.open() if claim.name == "Never")
+        ledger.settle({never: Verdict(never, Outcome.VIOLATED, Engine.SEARCH, 0.0)})
+
+    def proof(ledger: Ledger) -> None:
+        is_hopeless = "Never" in [claim.name for claim in ledger.open()]
+        working((1_000, ["Alone"]), engine=Engine.EVERY_N)(ledger)
+        working((90_000 if is_hopeless else 4_999, ["Few"]), engine=Engine.EVERY_N)(ledger)
+
+    found = raced(
+        system,
+        [proof],
+        [working((2_500, EVERYTHING), engine=Engine.SEARCH)],
+        jobs,
+        patience=TWICE,
+        before=before,
+    )
+    assert engines(found) == {
+        "Alone": Engine.EVERY_N,
+        "Few": Engine.EVERY_N,
+        "Never": Engine.SEARCH,
+        "no fault": Engine.SEARCH,
+    }
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_who_was_begun_ahead_and_died_is_followed_by_others(system: System, jobs: int) -> None:
     def dying(ledger: Ledger) -> None:
