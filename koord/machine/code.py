@@ -193,6 +193,9 @@ class Code:
         return [self.get(block, WORD_BYTES * k, I64) for k in range(count)]
 
 
+#: LLVM's passes are those of this level.
+_PASSES = 2
+
 #: Text of machine code that is longer takes seconds to compile: some 50,000 instructions.
 _MOST_TEXT = 2_500_000
 
@@ -227,11 +230,25 @@ class Loaded:
         return cast("Callable[..., int]", found)
 
 
-def object_of(module: Ir, *, hasty: bool = False) -> bytes:
-    """The same machine code as an object that may be loaded anywhere. Raises TooMuchCodeError."""
+def object_of(module: Ir, *, hasty: bool = False, improved: bool = False) -> bytes:
+    """The same machine code as an object that may be loaded anywhere. Raises TooMuchCodeError.
+
+    Where it is ``improved`` by LLVM's passes, it takes three times as long to make. They keep the
+    bits of what is computed: no operation is marked as one whose rounding is of no matter.
+    """
     parsed = _parsed(module)
-    found = _target(hasty=hasty, reloc="pic", codemodel="small").emit_object(parsed)
-    return cast("bytes", found)
+    target = _target(hasty=hasty, reloc="pic", codemodel="small")
+    if improved:
+        improve(parsed, target)
+    return cast("bytes", target.emit_object(parsed))
+
+
+def improve(parsed: llvm.ModuleRef, target: llvm.TargetMachine) -> None:
+    """Run LLVM's usual passes over a module."""
+    import llvmlite.binding as llvm
+
+    builder = llvm.create_pass_builder(target, llvm.create_pipeline_tuning_options(_PASSES))
+    builder.getModulePassManager().run(parsed, builder)
 
 
 def _parsed(module: Ir) -> llvm.ModuleRef:

@@ -100,7 +100,7 @@ def kept(name: str, of: tuple[object, ...], make: Callable[[], Ir]) -> Compiled:
     """
     key = key_of(name, *of)
     found = find(key)
-    return found.code if found is not None else keep(key, make())
+    return found.code if found is not None else keep(key, make(), improved=True)
 
 
 def find(key: str | None) -> KeptCode | None:
@@ -125,17 +125,24 @@ def is_kept(key: str | None) -> bool:
     return key is not None and store is not None and store.has(key)
 
 
-def keep(key: str | None, module: Ir, about: bytes = b"", *, hasty: bool = False) -> Compiled:
+def keep(
+    key: str | None,
+    module: Ir,
+    about: bytes = b"",
+    *,
+    hasty: bool = False,
+    improved: bool = False,
+) -> Compiled:
     """Compile a module, and keep it under a key with what is to be told of it.
 
-    Raises TooMuchCodeError.
+    LLVM's passes are worth their time where it is kept only. Raises TooMuchCodeError.
     """
     from koord.machine.code import Loaded, object_of
 
     store, linker = machine_store(), _linker()
     if key is None or store is None or linker is None:
         return Loaded(module, hasty=hasty)
-    linked = _linked(linker, object_of(module, hasty=hasty))
+    linked = _linked(linker, object_of(module, hasty=hasty, improved=improved))
     if linked is None:
         return Loaded(module, hasty=hasty)
     try:

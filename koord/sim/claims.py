@@ -84,10 +84,13 @@ class Watching:
             return None
         return [call for method in methods for call in judge.calls(method)]
 
-    def note_sure(self, rounds: int) -> None:
-        """Note that everything that is looked at in a round held in so many."""
-        for moment in (WatchPoint.EVENTS, WatchPoint.ROUND):
-            self._states.note_sure(self._asked[moment], rounds)
+    def note_sure(self, rounds: int, idle: int) -> None:
+        """Note that everything that is looked at in a round held in so many.
+
+        What is looked at after events has been, but in the last ``idle`` of them.
+        """
+        for moment, looks in ((WatchPoint.EVENTS, idle), (WatchPoint.ROUND, rounds)):
+            self._states.note_sure(self._asked[moment], looks)
 
     def glance(self, run: Simulation) -> Iterator[BrokenClaim]:
         """Yield the contracts that the world does not keep now. [PROP-CONTRACT]"""

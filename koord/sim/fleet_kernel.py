@@ -24,6 +24,7 @@ from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes
 from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.driving import PREDICTIVE_TICKS
 from koord.runtime.motion.group import Group
+from koord.runtime.plugins.calls import PlugInError
 from koord.sim.fleet import Fleet
 from koord.sim.squad_kernel import TABLE as SQUAD_TABLE
 from koord.sim.squad_kernel import FusedDrones, SquadArrays, is_undisturbed
@@ -231,6 +232,14 @@ class FusedFleet:
         written = [array for part in self._parts for array in part.written]
         whole = (*[self.heading] * len(self.moving), *own, *blocks)
         return SquadArrays(whole, (*written, *own), self._tilts)
+
+    def plan(self, now_s: float) -> None:
+        """Plan ways to targets, as the next tick does first."""
+        for part in self._parts:
+            try:
+                part.squad.plan(now_s)
+            except PlugInError as error:
+                raise error.of(int(part.numbers[error.row])) from error
 
     def pass_ticks(self, ticks: int, places: Floats, short: Floats) -> None:
         """Note an even number of ticks that were made."""

@@ -86,13 +86,17 @@ class Hosted(WorldHost):
         Robots whose actuators are as they were may be left out. ``watch`` and ``passing`` are as in
         :meth:`.Fleet.advance_to`.
         """
-        for robot in robots:
-            self.order(robot)
+        self.take_orders(robots)
         self.library.begin_round()
         self.fleet.advance_to(time_s, watch, passing)
         if self.reception.radio.carries_rounds or any(self._ranging):
             self.reception.measure(self.fleet.positions())
         self.sensed = self.fleet.sensed()
+
+    def take_orders(self, robots: Sequence[Robot]) -> None:
+        """Pass new orders of robots to the fleet."""
+        for robot in robots:
+            self.order(robot)
 
     @property
     def told_more(self) -> list[int]:

@@ -148,13 +148,13 @@ class Gauge:
         self._waits.append((sensed.state, stopped))
         self._tasks.note_visits(self.going.last, self.fleet.now_s)
 
-    def pass_idle(self, deeds: Deeds, states: Ints, stopped: Bools) -> None:
-        """Record rounds in which nobody acted: the states of automata, a row for each round.
+    def pass_idle(self, deeds: Deeds, states: Ints, stopped: Bools, idle: int) -> None:
+        """Record rounds: the states of automata, a row for each; in the last ``idle`` nobody acted.
 
-        For programs without tasks.
+        What was done in the others has been recorded. For programs without tasks.
         """
+        self._deeds += [deeds] * idle
         for of_round in states:
-            self._deeds.append(deeds)
             self._waits.append((of_round, stopped))
         if len(self._deeds) >= self._most:
             self._count()

@@ -48,11 +48,12 @@ class WholeSensors(Struct, frozen=True):
     """What robots of one kind, which are all, have been told or are to be told.
 
     ``places`` are sensors of positions: the name, how many coordinates it has, what was told, and
-    who has not been told so yet. ``reached`` is what was told of whether they have arrived.
+    who has not been told so yet. ``reached`` are those of whether robots have arrived: the name,
+    and what was told.
     """
 
     places: tuple[tuple[str, int, Floats | Bools, Bools], ...]
-    reached: tuple[Floats | Bools, ...]
+    reached: tuple[tuple[str, Floats | Bools], ...]
 
 
 class Reader:
@@ -128,13 +129,25 @@ class Reader:
         if self._last is None or self._alone or not all(c.is_all for c in self._columns):
             return None
         places = tuple((c.name, c.width, c.told, c.is_late) for c in self._columns if c.width)
-        reached = tuple(c.told for c in self._columns if not c.width)
+        reached = tuple((c.name, c.told) for c in self._columns if not c.width)
         return WholeSensors(places, reached)
 
-    def pass_idle(self, sensed: FleetSensors, robots: Sequence[Robot]) -> Callable[[], None]:
-        """Note what was sensed last of what columns have seen; return what tells robots of it."""
+    def pass_idle(
+        self, reached: Bools, robots: Sequence[Robot], were: Sequence[Floats | Bools]
+    ) -> Measurement:
+        """Tell robots whether they have arrived; columns have seen what else there is.
+
+        ``were`` is what had been told of that; where robots are they are told when it is written.
+        """
+        measured: list[Measured] = []
+        for column, before in zip((c for c in self._columns if not c.width), were, strict=True):
+            column.told[:] = before
+            measured += _hear(column, robots, column.rows(reached))
+        return Measurement(tuple(measured), (), partial(self._write_places, robots))
+
+    def pass_sensed(self, sensed: FleetSensors) -> None:
+        """Note what was sensed last."""
         self._last = sensed
-        return partial(self._write_places, robots)
 
     def _first(self, robots: Sequence[Robot]) -> list[int]:
         """The robots that are asked in the first round: those of which columns are not all."""

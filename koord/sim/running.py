@@ -28,7 +28,7 @@ from koord.sim.fleet import Fleet
 from koord.sim.hosting import Hosted
 from koord.sim.lidar import Scanner
 from koord.sim.measuring import Figures, Gauge
-from koord.sim.observing import Observer, deeds_in, header_of
+from koord.sim.observing import Observer, deeds_in, header_of, nothing
 from koord.sim.radio import OverRadio
 from koord.sim.reading import Reader
 from koord.sim.reloading import declared_in, extended
@@ -112,7 +112,7 @@ class Claims(Protocol):
 
 
 class Striding(Protocol):
-    """What makes rounds in which nobody acts, many at once."""
+    """What makes many rounds at once, in all of which but the first nobody acts."""
 
     def make(self, until_s: float) -> list[Decision]:
         """Make rounds that begin before a time; none where one is to be made by itself."""
@@ -215,6 +215,7 @@ class Simulation:
         self.acted = set(range(len(cast.kinds)))
         self._digest = Digest(len(cast.kinds))
         self._nobody: Bools = np.zeros(len(cast.kinds), np.bool_)  #: that has stopped
+        self._deeds: Deeds = nothing(len(cast.kinds))  #: in the last round
         self._before: tuple[Any, ...] | None = None
         self._own = [_own_variables(program) for program in cast.classes]
         self._still = 0
@@ -255,19 +256,29 @@ class Simulation:
 
     def round(self) -> Decision:
         """Run a round: the robots' events, then the environment's turn, δ long."""
+        self.act()
+        return self.finish()
+
+    def act(self) -> Decision:
+        """Run the robots' events of a round."""
         engine = self.engine
         decision = self.decision = engine.program_turns(self.schedule)
         self.acted.update([taken.robot for taken in decision.ran])
-        deeds = deeds_in(decision, engine)
+        deeds = self._deeds = deeds_in(decision, engine)
         self.observer.round(decision.round, deeds)
         self.gauge.events(decision, deeds)
         self._note(decision)
         if engine.ended is None:
             self._look(WatchPoint.EVENTS)
+        return decision
+
+    def finish(self) -> Decision:
+        """End the round in which robots have acted: the environment's turn."""
+        engine, decision = self.engine, self.decision
         if engine.ended is None:
             self.pass_time()
             self.environment_turn()
-            stopped = self._stopped(decision, deeds)
+            stopped = self._stopped(decision, self._deeds)
             self.gauge.round(self.host.sensed, stopped)
             if engine.ended is None:
                 self._watch_over(stopped)
@@ -276,7 +287,7 @@ class Simulation:
         return decision
 
     def stride(self, until_s: float) -> list[Decision]:
-        """Make rounds in which nobody acts, if there are any now, up to a time.
+        """Make rounds up to a time, in all of which but the first nobody acts, if there are any.
 
         They come to the same as rounds that are made one by one.
         """
@@ -288,10 +299,18 @@ class Simulation:
         return [] if self._strides is None else self._strides.make(until_s)
 
     def pass_idle(self, decisions: Sequence[Decision], places: Sequence[Floats]) -> None:
-        """Note rounds in which nobody acted; ``places`` are where robots were at their begin."""
+        """Note rounds; ``places`` are where robots were at the begin of those behind the first.
+
+        In these nobody acted. The first has been noted, if there is no place for it; in all but the
+        last somebody was on the way.
+        """
+        rounds, idle = len(decisions), len(places)
         self.decision = decisions[-1]
-        self._digest.pass_idle(decisions[0].round, places)
-        self._still, self._before = 0, None  # somebody was on the way in each
+        if idle:
+            self._digest.pass_idle(decisions[rounds - idle].round, places)
+        if rounds > 1:
+            self._still, self._before = 0, None
+        self._conclude(ran=bool(self.decision.ran))
 
     def environment_turn(self) -> None:
         """Let robots sense what has become of the world."""
@@ -299,13 +318,18 @@ class Simulation:
 
     def pass_time(self) -> None:
         """Let δ pass in the world, under the robots' orders."""
-        robots, until_s = self.engine.told_robots, (self.engine.round + 1) * self.scene.delta_s
-        if not (self.engine.has_models or self.host.modules):
-            robots = [robots[pid] for pid in sorted(self.acted)]
+        until_s = (self.engine.round + 1) * self.scene.delta_s
+        self.host.pass_time(self.robots_with_orders(), until_s, self.tick, self)
+
+    def robots_with_orders(self) -> Sequence[Robot]:
+        """The robots whose orders may be others than before; now that somebody knows, none."""
+        if self.engine.has_models or self.host.modules:
+            robots: Sequence[Robot] = self.engine.robots
         else:
-            robots = self.engine.robots
+            told = self.engine.told_robots
+            robots = [told[pid] for pid in sorted(self.acted)]
         self.acted.clear()
-        self.host.pass_time(robots, until_s, self.tick, self)
+        return robots
 
     def end(self, ending: Ending) -> None:
         """End the run; nothing comes after this."""
@@ -534,11 +558,11 @@ def run(simulation: Simulation, time_s: float) -> Iterator[Decision]:
             if simulation.time_s > time_s - 1e-9:
                 simulation.end(Ending.LIMIT)
                 break
-            for decision in simulation.stride(time_s):
-                yield decision
-                if simulation.is_over:
-                    return
-            if simulation.time_s > time_s - 1e-9:
+            if made := simulation.stride(time_s):
+                for decision in made:
+                    yield decision
+                    if simulation.is_over:
+                        return
                 continue
             try:
                 decision = simulation.round()

@@ -117,11 +117,14 @@ class FusedDrones:
         found: list[Floats] = []
         while len(found) < len(times_s):
             left = times_s[len(found) :]
-            if self.group.targets:
-                origin = self.flying.origin(self.position)
-                self.group.plan(origin, self._heading, left[0])
+            self.plan(left[0])
             found += self._flown(left[:1] if self.group.targets else left)
         return found
+
+    def plan(self, now_s: float) -> None:
+        """Plan ways to targets, as the next tick does first."""
+        if self.group.targets:
+            self.group.plan(self.flying.origin(self.position), self._heading, now_s)
 
     def _flown(self, times_s: Sequence[float]) -> list[Floats]:
         """Make ticks for which nothing is to be planned."""

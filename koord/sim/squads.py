@@ -321,6 +321,11 @@ class WheeledSquad:
         self._delay = setup.delay(self._command)
         self._every, self._ticks = every, 0
 
+    def plan(self, now_s: float) -> None:
+        """Plan ways to targets, as the next tick does first. For what is measured exactly."""
+        position, heading = self.fixes(now_s)
+        self.group.plan(position, heading, now_s)
+
     def tick(self, now_s: float) -> None:
         position, heading = self.fixes(now_s)
         self.group.plan(position, heading, now_s)

@@ -116,9 +116,14 @@ class Watchman:
         """Where robots linger. It is written over."""
         return self._lingering
 
-    def pass_rounds(self, ended_s: float) -> None:
-        """Note rounds up to a time, in all of which somebody went and nobody was blocked."""
-        self.now_s, self.sees_some_go, self.still_s = ended_s, True, 0.0
+    def pass_rounds(self, rounds: int, began_s: float, ended_s: float, *, some_go: bool) -> None:
+        """Note rounds in which nobody was blocked, the last of which began and ended at these.
+
+        Somebody went in all of them; in the last one if ``some_go``.
+        """
+        still_s = 0.0 if rounds > 1 else self.still_s
+        self.still_s = 0.0 if some_go else still_s + (ended_s - began_s)
+        self.now_s, self.sees_some_go = ended_s, some_go
 
     def standing(self, robots: Sequence[Robot], still_s: float) -> tuple[StandingRobot, ...]:
         """All robots that stand still by now; those that wait for paths only if all have for

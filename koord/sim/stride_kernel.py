@@ -1,5 +1,7 @@
 """Machine code of rounds in which nobody acts: one after the other, until something is to be seen.
 
+In the first robots may have acted already; then only what comes after that is made.
+
 It puts together the machine code that there is for each part of such a round: guards, ticks, what
 is measured of robots, the watchman's look, what sensors read, and claims. Before each round the
 state is kept; where something comes of it that Python is to look at, the state is as before that
@@ -16,7 +18,7 @@ from koord.machine.code import BYTES, F64, I8, I64, WORD_BYTES, Code, Ir, consta
 from koord.machine.kept import kept
 from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes
 from koord.runtime.compile.machine.made import MORE_OF_CLAIMS, MORE_OF_TURNS, STATE_WORDS
-from koord.sim.standing_kernel import SOMEBODY
+from koord.sim.standing_kernel import NOBODY, SOMEBODY
 
 #: What the machine code is given in a table: numbers and addresses, in this order.
 #:
@@ -30,14 +32,14 @@ TABLE = (
     *("last", "ways", "pairs", "pair_count", "since", "found", "is_listed", "limits"),
     *("squares", "nearest", "automata", "stopped", "lingering", "lingering_s", "moments"),
     *("reached", "heard", "heard_count", "seen", "seen_count"),
-    *("tilts", "all_states", "all_tilts", "heading", "all_headings"),
+    *("tilts", "all_states", "all_tilts", "heading", "all_headings", "all_reached"),
 )
 
 #: Numbers of a call of a guard and of a look: the function, and what it is given behind the state.
 GUARD_WORDS, LOOK_WORDS = 1 + MORE_OF_TURNS, 1 + MORE_OF_CLAIMS
 
-#: Numbers of what is told of blocks and of positions.
-KEPT_WORDS, SEEN_WORDS = 3, 5
+#: Numbers of what is told of blocks, of positions, and of whether robots have arrived.
+KEPT_WORDS, SEEN_WORDS, HEARD_WORDS = 3, 5, 3
 
 #: Entries of the table of a squad that are other arrays in each round.
 MOVING = ("times", "places", "short")
@@ -56,15 +58,15 @@ def address_of(function: Callable[..., int]) -> int:
 def striding_code(moving: tuple[int, ...]) -> Callable[..., int]:
     """Compile rounds; ``moving`` are the places of :data:`MOVING` in the table of a squad.
 
-    The function takes the addresses of the table and how many rounds are to be made at most, and
-    says how many were made.
+    The function takes the address of the table, how many rounds are to be made at most, and in how
+    many of them, the first or none, robots have acted. It says how many were made.
     """
-    return kept("striding", (moving,), lambda: _striding(moving)).function("stride", 2)
+    return kept("striding", (moving,), lambda: _striding(moving)).function("stride", 3)
 
 
 def _striding(moving: tuple[int, ...]) -> Ir:
-    code = Code(new_module("striding"), "stride", [BYTES, I64], I64)
-    table, rounds = code.arguments
+    code = Code(new_module("striding"), "stride", [BYTES, I64, I64], I64)
+    table, rounds, acted = code.arguments
     one = _Stride(code, table, moving)
     b = code.b
     done, ending = code.slot(I64), b.append_basic_block("ending")
@@ -72,14 +74,16 @@ def _striding(moving: tuple[int, ...]) -> Ir:
     one.unless(one.is_unsure(), ending)
     with code.while_(lambda: b.icmp_signed("<", b.load(done), rounds)):
         now = b.load(done)
-        one.unless(one.is_enabled(), ending)
+        with code.only_if(b.icmp_signed(">=", now, acted)):
+            one.unless(one.is_enabled(), ending)
         one.keep(back=False)
         undone = b.append_basic_block("undone")
         with b.goto_block(undone):
             one.keep(back=True)
             b.branch(ending)
-        one.round(now, undone)
+        is_last = one.round(now, acted, undone)
         b.store(b.add(now, word(1)), done)
+        one.unless(is_last, ending)
     b.branch(ending)
     b.position_at_end(ending)
     b.ret(b.load(done))
@@ -162,8 +166,12 @@ class _Stride:
             value = code.get(b.inttoptr(b.add(source, offset), BYTES), 0, type_)
             code.put(b.inttoptr(b.add(to, offset), BYTES), 0, value)
 
-    def round(self, now: Ir, undone: Ir) -> None:
-        """Make a round, and go to ``undone`` where Python is to make it."""
+    def round(self, now: Ir, acted: Ir, undone: Ir) -> Ir:
+        """Make a round, and go to ``undone`` where Python is to make it.
+
+        Says whether it is to be the last: a robot has arrived in it, or is no longer where it was
+        to go, and none has ``acted`` in it, or nobody goes any more.
+        """
         b, count, ticks = self.b, self.count, self.of["ticks"]
         first = self.by(now, ticks)
         places = b.add(self.of["places"], self.by(first, self.by(count, _PLACE)))
@@ -175,8 +183,8 @@ class _Stride:
         in_doubt = self.code.called(self.of["tick"], given)
         self.unless(b.icmp_signed("!=", in_doubt, word(0)), undone)
         self.measure(first, places, undone)
-        self.watch(now, short, undone)
-        self.hear(undone)
+        arrived = self.hear()
+        some = self.watch(now, short, arrived, undone)
         self.see(undone)
         self.unless(self.is_unsure(), undone)
         words = self.by(count, WORD_BYTES)
@@ -186,6 +194,9 @@ class _Stride:
         self.copy(headings, self.of["heading"], word(0), count, I64, WORD_BYTES)
         tilts = b.add(self.of["all_tilts"], self.by(now, self.by(count, _PLACE)))
         self.copy(tilts, self.of["tilts"], word(0), self.by(count, 3), I64, WORD_BYTES)
+        reached = b.add(self.of["all_reached"], self.by(now, count))
+        self.copy(reached, self.of["reached"], word(0), count, I8, 1)
+        return b.and_(arrived, b.or_(b.icmp_signed(">=", now, acted), b.not_(some)))
 
     def measure(self, first: Ir, places: Ir, undone: Ir) -> None:
         """Measure after each tick; who is too near, or may be listed anew, is Python's."""
@@ -208,8 +219,13 @@ class _Stride:
             unlisted = b.and_(is_listed, b.not_(is_sure))
             self.unless(b.or_(b.not_(is_safe), unlisted), undone)
 
-    def watch(self, now: Ir, short: Ir, undone: Ir) -> None:
-        """Have the watchman look: where nobody goes, or somebody may be blocked, Python does."""
+    def watch(self, now: Ir, short: Ir, arrived: Ir, undone: Ir) -> Ir:
+        """Have the watchman look, and say whether somebody goes.
+
+        Where somebody may be blocked Python does, and where nobody goes in a round in which nobody
+        has arrived either.
+        """
+        b = self.b
         moments, place = self.at("moments"), self.by(now, DOUBLE_BYTES)
         for k, name in enumerate(("began", "ended")):
             value = self.code.get(self.at(name), place, F64)
@@ -218,16 +234,27 @@ class _Stride:
         given = [of["automata"], short, of["stopped"], self.b.load(self.last)]
         given += [of[name] for name in ("lingering", "lingering_s", "moments", "count")]
         found = self.code.called(of["watch"], given)
-        self.unless(self.b.icmp_signed("!=", found, word(SOMEBODY)), undone)
+        some, none = (b.icmp_signed("==", found, word(one)) for one in (SOMEBODY, NOBODY))
+        self.unless(b.not_(b.or_(some, b.and_(none, arrived))), undone)
+        return some
 
-    def hear(self, undone: Ir) -> None:
-        """Whether robots have arrived is as they were told, or Python's."""
+    def hear(self) -> Ir:
+        """Note who has arrived, as ``Reader.read`` does and ``Columns.measure``; say if any has."""
         code, b = self.code, self.b
+        changed = code.slot(I64)
+        b.store(word(0), changed)
         with code.loop(word(0), self.of["heard_count"]) as number:
-            told = b.inttoptr(code.get(self.at("heard"), self.by(number, WORD_BYTES), I64), BYTES)
+            one = self.at("heard", self.by(number, WORD_BYTES * HEARD_WORDS))
+            told, column, columns = code.words(one, HEARD_WORDS)
+            told, column = (b.inttoptr(x, BYTES) for x in (told, column))
             with code.loop(word(0), self.count) as robot:
-                one, other = (code.get(x, robot, I8) for x in (self.at("reached"), told))
-                self.unless(b.icmp_signed("!=", one, other), undone)
+                now, before = (code.get(x, robot, I8) for x in (self.at("reached"), told))
+                with code.only_if(b.icmp_signed("!=", now, before)):
+                    b.store(word(1), changed)
+                    code.put(told, robot, now)
+                    with code.only_if(b.icmp_signed("!=", columns, word(0))):
+                        code.put(column, self.by(robot, WORD_BYTES), b.zext(now, I64))
+        return b.icmp_signed("!=", b.load(changed), word(0))
 
     def see(self, undone: Ir) -> None:
         """Note where robots are, as ``Reader.read`` does and ``Columns.measure``."""

@@ -1,7 +1,8 @@
 """Rounds in which nobody acts, many at once: what machine code makes of them is noted afterwards.
 
-Runs are the same to the last bit. A round in which a robot may act, or arrives, in which a claim
-may be broken, or anything else is to be looked at, is made by :meth:`.Simulation.round`.
+Runs are the same to the last bit. Where robots may act :meth:`.Simulation.act` runs their events,
+and machine code goes on from there. A round in which a claim may be broken, or anything else is to
+be looked at, is made by :meth:`.Simulation.round`. The round in which a robot arrives is the last.
 """
 
 from __future__ import annotations
@@ -41,12 +42,11 @@ _Calls: TypeAlias = Sequence[tuple[Callable[..., int], tuple[int, ...]]]
 #: At most so many rounds, or rounds of so many robots, are made at once.
 _MOST, _MOST_OF_ROBOTS = 32, 20_000
 
-#: A stride of fewer rounds costs more than it saves. After it so many rounds are made one by one,
-#: then twice as many, and so on.
-_FEW, _FIRST_WAIT, _MOST_WAIT = 3, 1, 64
+#: A stride of fewer rounds costs more than it saves.
+_FEW = 2
 
-#: Where a stride ends sooner than it has to, a robot arrives mostly, and acts in the next round.
-_AFTER = 2
+#: Where machine code could not end a round so many are made one by one, then twice as many, …
+_FIRST_WAIT, _MOST_WAIT = 1, 64
 
 _PLACES = {name: place for place, name in enumerate(TABLE)}
 
@@ -75,7 +75,8 @@ class Strides:
         looks = [one.calls(run) for one in watching]
         guards, columns, kind = engine.fleet.guard_calls(), engine.fleet.columns, run.cast.kinds[0]
         places = [columns.sensed(kind, name) for name, _, _, _ in sensors.places]
-        if guards is None or None in looks or None in places:
+        reached = [columns.heard(kind, name) for name, _ in sensors.reached]
+        if guards is None or None in looks or None in places or None in reached:
             return None
         ticks = run.scene.delta_s / TICK_S
         if abs(ticks - round(ticks)) > 1e-9 or round(ticks) % 2:
@@ -97,12 +98,14 @@ class Strides:
         self._ticks = round(run.scene.delta_s / TICK_S)
         self._most = min(_MOST, _MOST_OF_ROBOTS // count)
         self._wait = self._left = 0
+        self._acts_next = False  #: in the next round, as it seems
         self._tilt = bool(run.recorder.recording.header.tilting)
         self._nobody: Bools = np.zeros(count, np.bool_)
         self._squad_table = Table(parts.squad.table_size)
         self._table: Ints = np.zeros(len(TABLE), np.int64)
         self._numbers: Floats = np.zeros(6)  # of a round, what was found, and limits
         self._known: tuple[Any, ...] = ()
+        self._were: list[Floats | Bools] = []  #: what robots were told of whether they have arrived
         self._room: NDArray[np.uint8] = np.zeros(0, np.uint8)  #: for states that are kept
         self._held: dict[str, NDArray[Any]] = {}  #: arrays that the table points to
         self._stride = striding_code(parts.squad.moving)
@@ -124,27 +127,46 @@ class Strides:
         if self._left:
             self._left -= 1
             return []
-        rounds = self._possible(until_s)
-        if rounds < _FEW:
-            return []
-        made = self._made(rounds)
-        done = [] if made is None else self._noted(made)
-        if len(done) < _FEW:
-            self._left = self._wait = min(max(2 * self._wait, _FIRST_WAIT), _MOST_WAIT)
-        else:
-            self._wait, self._left = 0, 0 if len(done) == rounds else _AFTER
-        return done
+        if not self._acts_next:
+            rounds = self._possible(until_s)
+            if rounds < _FEW:
+                return []
+            made = self._made(rounds, None)
+            if made is not None:
+                return self._noted(made, rounds, None)
+        self._acts_next = False
+        return self._acted(until_s)
+
+    def _acted(self, until_s: float) -> list[Decision]:
+        """Make a round in which robots may act, and after their events go on by machine code."""
+        run = self._of.run
+        decision = run.act()
+        if self._of.engine.all_go_on(decision):
+            run.host.take_orders(run.robots_with_orders())
+            self._of.squad.plan(run.fleet.now_s)
+            rounds = self._possible(until_s, acts=True)
+            made = self._made(rounds, decision) if rounds else None
+            if made is not None:
+                self._wait = 0
+                return self._noted(made, rounds, decision)
+        self._left = self._wait = min(max(2 * self._wait, _FIRST_WAIT), _MOST_WAIT)
+        return [run.finish()]
 
     # --- before -------------------------------------------------------------------------------
 
-    def _possible(self, until_s: float) -> int:
-        """How many rounds may be made now: none where something is to be looked at first."""
+    def _possible(self, until_s: float, *, acts: bool = False) -> int:
+        """How many rounds may be made now: none where something is to be looked at first.
+
+        In the first robots have acted already, if ``acts``, and have given orders.
+        """
         run, squad = self._of.run, self._of.squad
         if run.acted or not (run.watchman.is_calm and squad.is_settled):
             return 0
-        if any(of.targets or of.plights or of.orders.any() for of in squad.groups):
+        if any(of.targets or of.plights for of in squad.groups):
             return 0
-        if not run.engine.is_idle(run.decision):
+        if not acts and any(of.orders.any() for of in squad.groups):
+            return 0
+        if not self._of.engine.all_go_on(run.decision):
             return 0
         if self._going.is_to_be_listed:
             return 0
@@ -194,12 +216,18 @@ class Strides:
             blocks.append((first, WORD_BYTES * rows * self._count))
         own = self._going.ways_m, lingering.at, lingering.since_s
         blocks += [(array.ctypes.data, array.nbytes) for array in own]
-        reached = [told.ctypes.data for told in self._of.sensors.reached]
+        heard = []
+        for name, told in self._of.sensors.reached:
+            where = self._of.columns.heard(self._kind, name)
+            assert where is not None
+            first, rows = where
+            heard.append([told.ctypes.data, first, rows])
+            blocks += [(told.ctypes.data, told.nbytes), (first, WORD_BYTES * rows * self._count)]
         self._set(
             *(("room", squad.route_room), ("ways", self._going.ways_m)),
             *(("automata", squad.state), ("reached", squad.reached)),
             *(("lingering", lingering.at), ("lingering_s", lingering.since_s)),
-            *(("heard", np.array(reached, np.int64)), ("heard_count", len(reached))),
+            *(("heard", np.array(heard, np.int64)), ("heard_count", len(heard))),
             *(("seen", np.array(seen, np.int64)), ("seen_count", len(seen))),
             *(("kept", self._kept(blocks)), ("kept_count", len(blocks)), ("tilts", arrays.tilts)),
             ("heading", squad.heading),
@@ -215,11 +243,12 @@ class Strides:
 
     # --- rounds -------------------------------------------------------------------------------
 
-    def _made(self, rounds: int) -> _Rounds | None:
+    def _made(self, rounds: int, acted: Decision | None) -> _Rounds | None:
         run, count, ticks = self._of.run, self._count, self._ticks
         delta_s, first, began = run.scene.delta_s, run.engine.round, run.fleet.ticks
         times_s = np.array([(began + k) * TICK_S for k in range(rounds * ticks)])
         self._point(float(times_s[0]))
+        self._were = [told.copy() for _, told in self._of.sensors.reached]
         ended_s = np.array([(first + k + 1) * delta_s for k in range(rounds)])
         made = _Rounds(
             np.empty((rounds * ticks, count, 3)),
@@ -229,6 +258,7 @@ class Strides:
             np.empty((rounds, count)),
             np.empty(rounds * ticks),
             np.empty(rounds * ticks, np.int64),
+            np.empty((rounds, count), np.bool_),
         )
         self._numbers[4:6] = run.scene.safety_m, self._going.reach_m
         pairs, pair_count, since = self._going.listed
@@ -240,28 +270,39 @@ class Strides:
                 ("all_headings", made.headings),
                 ("squares", made.squares),
                 ("nearest", made.nearest),
+                ("all_reached", made.reached),
             ),
             *(("last", self._going.last), ("is_listed", int(self._going.is_listed))),
             *(("pairs", pairs), ("pair_count", pair_count), ("since", since)),
         )
-        return made.until(self._stride(self._table.ctypes.data, rounds), ticks)
+        done = self._stride(self._table.ctypes.data, rounds, int(acted is not None))
+        return made.until(done, ticks)
 
-    def _noted(self, made: _Rounds) -> list[Decision]:
-        """Note what was made."""
+    def _noted(self, made: _Rounds, asked: int, acted: Decision | None) -> list[Decision]:
+        """Note what was made of so many rounds that were asked for."""
         of, run, ticks = self._of, self._of.run, self._ticks
         first, done, began = of.engine.round, len(made.states), run.fleet.ticks
-        decisions = [
-            Decision(number, (), run.schedule.order(number, len(run.engine.robots)), ())
-            for number in range(first, first + done)
+        self._acts_next = done < asked
+        robots = of.engine.told_robots
+        assert run.reader is not None
+        if acted is not None:
+            of.engine.pass_round(run.reader.pass_idle(made.reached[0], robots, self._were))
+            self._were = [told.copy() for _, told in of.sensors.reached]
+        decisions = [] if acted is None else [acted]
+        order, count = run.schedule.order, self._count
+        decisions += [
+            Decision(number, (), order(number, count), ())
+            for number in range(first + len(decisions), first + done)
         ]
+        idle = done if acted is None else done - 1
         at_first = self._going.last
         ended_s = [(began + k + 1) * TICK_S for k in range(done * ticks)]
         distances = np.sqrt(made.squares)
-        run.observer.pass_idle(first, done)
-        run.gauge.pass_idle(nothing(self._count), made.states, self._nobody)
+        run.observer.pass_idle(first + done - idle, idle)
+        run.gauge.pass_idle(nothing(count), made.states, self._nobody, idle)
         run.gauge.pass_ticks(ended_s, made.places[-1], distances, made.nearest)
         at_ends = slice(ticks - 1, None, ticks)
-        poses = np.zeros((done, self._count, 6), np.float32)
+        poses = np.zeros((done, count, 6), np.float32)
         poses[:, :, :3] = made.places[at_ends]
         poses[:, :, 3] = made.headings
         if self._tilt:
@@ -271,14 +312,17 @@ class Strides:
         run.host.pass_idle(done, done * ticks)
         for name, _, _, _ in of.sensors.places:
             of.columns.know(self._kind, name)
-        assert run.reader is not None
-        write = run.reader.pass_idle(run.host.sensed, of.engine.told_robots)
-        of.engine.pass_idle(decisions[-1], done, write)
-        places = [at_first, *made.places[ticks - 1 : -1 : ticks]]
-        run.pass_idle(decisions, places)
-        run.watchman.pass_rounds(run.time_s)
+        run.reader.pass_sensed(run.host.sensed)
+        if idle:
+            told = run.reader.pass_idle(made.reached[-1], robots, self._were)
+            of.engine.pass_idle(decisions[-1], idle, told)
+        places = [at_first, *made.places[ticks - 1 : -1 : ticks]][done - idle :]
+        some_go = bool(run.host.sensed.on_the_way.any())
+        began_s = run.time_s - run.scene.delta_s
+        run.watchman.pass_rounds(done, began_s, run.time_s, some_go=some_go)
         for one in of.watching:
-            one.note_sure(done)
+            one.note_sure(done, idle)
+        run.pass_idle(decisions, places)
         return decisions
 
 
@@ -315,6 +359,7 @@ class _Rounds(Struct, frozen=True, eq=False):
     headings: Floats  #: of each round
     squares: Floats  #: of the least distance, after each tick
     nearest: Ints  #: which pair that is
+    reached: Bools  #: of each round
 
     def until(self, done: int, ticks: int) -> _Rounds | None:
         """The same of the first rounds; None if there are none."""
@@ -324,7 +369,7 @@ class _Rounds(Struct, frozen=True, eq=False):
         return _Rounds(
             self.places[by_tick],
             *(self.short[:done], self.states[:done], self.tilts[:done], self.headings[:done]),
-            *(self.squares[by_tick], self.nearest[by_tick]),
+            *(self.squares[by_tick], self.nearest[by_tick], self.reached[:done]),
         )
 
 

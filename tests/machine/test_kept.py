@@ -263,24 +263,26 @@ def test_turns_of_other_claims_are_made_anew(folder: FolderStore) -> None:
     assert kept_turns(other, looked, key_of_turns(other, looked)) is None
 
 
-DRONES = """\
+FLEET = """\
 devices:
     drone: {bot_type: QUAD, planner: RRT_DRONE}
+    car: {bot_type: CAR, planner: RRT_CAR}
 agents:
 """ + "".join(
-    f"    - {{pid: {pid}, on_device: drone, position: [0, {6 * pid}, 1]}}\n" for pid in range(12)
+    f"    - {{pid: {pid}, on_device: {kind}, position: [0, {6 * pid}, {height}]}}\n"
+    for pid, (kind, height) in enumerate([("drone", 1), ("car", 0)] * 6)
 )
 
 
 def run() -> list[str]:
-    """A run of drones in a process of its own: its digest, its events, and whether LLVM was there.
+    """A run in a process of its own: its digest, its events, and whether LLVM was there.
 
     Who runs first makes code, and the others load it.
     """
     text = (
         "import sys, koord\n"
         f"source = koord.Source('line.krd', {LINES!r})\n"
-        f"fleet = koord.Source('fleet.yaml', {DRONES!r})\n"
+        f"fleet = koord.Source('fleet.yaml', {FLEET!r})\n"
         "made = koord.simulate(source, fleet, rounds=60)\n"
         "print(made.figures.digest, len(made.broken), 'llvmlite.binding' in sys.modules,"
         " made.kept_code)"
@@ -294,6 +296,7 @@ def run() -> list[str]:
 def test_runs_with_kept_code_are_those_without(
     folder: FolderStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Which is made with LLVM's passes, and else without."""
     first, again = run(), run()
     monkeypatch.setenv("KOORD_CACHE", "off")
     without = run()

@@ -125,7 +125,7 @@ JUDGING = (
     ),
     Mutant(
         "recordings do not hear of what is sensed",
-        "runtime.columns.engine.ColumnEngine.environment_turn",
+        "runtime.columns.engine.ColumnEngine._sense",
         "one.values.ndim == 1",
         "False",
         (LATE,),

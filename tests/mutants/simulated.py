@@ -307,7 +307,7 @@ SIMULATED = (
     ),
     Mutant(
         "orders that models give are not carried out",
-        "sim.running.Simulation.pass_time",
+        "sim.running.Simulation.robots_with_orders",
         "self.engine.has_models or self.host.modules",
         "self.host.modules",
         (COLUMNS,),
@@ -328,7 +328,7 @@ SIMULATED = (
     ),
     Mutant(
         "a run is still while events change variables",
-        "sim.running.Simulation.round",
+        "sim.running.Simulation.finish",
         "bool(decision.ran)",
         "False",
         (COLUMNS,),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -13,10 +15,17 @@ from tests.runtime.motion.test_predictive import Asked
 compiled_driving = pytest.importorskip("koord.sim.vehicles.compiled_driving")
 
 
+@pytest.mark.parametrize("improved", [False, True])
 @pytest.mark.parametrize("width", [2, 4, 8])
-def test_machine_code_drives_as_numpy_does(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_machine_code_drives_as_numpy_does(
+    width: int, improved: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """That which is kept, too, which LLVM's passes have improved."""
     if width > compiled_driving.widest():
         pytest.skip("this processor's registers hold less")
+    if improved:
+        monkeypatch.setenv("KOORD_CACHE", str(tmp_path))
+    compiled_driving._solver.cache_clear()
     monkeypatch.setattr(compiled_driving, "_width", lambda: width)
     horizon, count = Horizon(4, 0.1) if width == 2 else Horizon(), 19
     asked, last = Asked(count, horizon, width), np.zeros((count, 2))
@@ -35,3 +44,4 @@ def test_machine_code_drives_as_numpy_does(width: int, monkeypatch: pytest.Monke
         assert found.tobytes() == other.inputs(cars, *told).tobytes()
         assert one.kept.tobytes() == other.kept.tobytes()
         last[cars] = found
+    compiled_driving._solver.cache_clear()

@@ -52,11 +52,12 @@ Go:
         Motion.target = pos(home.x + LEG * (k % 2), home.y, home.z)
 invariant Told: gone[pid] == k
 invariant Near: abs(Motion.psn.x - home.x) <= FAR
+invariant Goes: GOES
 invariant Apart: forall i: forall j: i == j or apart(Motion.psn@i, Motion.psn@j)
 """
 
 #: What is written in the place of words.
-USUAL = {"LAST": "9", "LEG": "1.5", "FAR": "100.0"}
+USUAL = {"LAST": "9", "LEG": "1.5", "FAR": "100.0", "GOES": "k >= 0"}
 
 
 def fleet(count: int, delta: float = 0.1, device: str = "", more: str = "", **words: str) -> Fitted:
@@ -89,8 +90,10 @@ class Counting:
         return found
 
 
-def run_of(fitted: Fitted, *, strides: bool) -> tuple[Simulation, Counting]:
-    made = simulation(fitted, Simulation, keep_going=True)
+def run_of(
+    fitted: Fitted, *, strides: bool, keep_going: bool = True
+) -> tuple[Simulation, Counting]:
+    made = simulation(fitted, Simulation, keep_going=keep_going)
     assert isinstance(made.engine, ColumnEngine)
     made.engine.after = 0
     counting = Counting(made)
@@ -99,9 +102,10 @@ def run_of(fitted: Fitted, *, strides: bool) -> tuple[Simulation, Counting]:
     return made, counting
 
 
-def both(fitted: Fitted, time_s: float) -> tuple[Simulation, int]:
+def both(fitted: Fitted, time_s: float, *, keep_going: bool = True) -> tuple[Simulation, int]:
     """Run with strides and without, and compare all that is seen; how many rounds were strides."""
-    (one, _), (other, counting) = (run_of(fitted, strides=on) for on in (False, True))
+    runs = [run_of(fitted, strides=on, keep_going=keep_going) for on in (False, True)]
+    (one, _), (other, counting) = runs
     decisions = [[*run(each, time_s)] for each in (one, other)]
     assert decisions[0] == decisions[1]
     assert one.ending == other.ending
@@ -121,7 +125,9 @@ def both(fitted: Fitted, time_s: float) -> tuple[Simulation, int]:
     assert isinstance(other.engine, ColumnEngine)
     assert one.engine.counts == other.engine.counts
     pairs = zip(one.engine.robots, other.engine.robots, strict=True)
-    assert all(repr(vars(robot)) == repr(vars(twin)) for robot, twin in pairs)
+    for robot, twin in pairs:
+        assert repr(vars(robot)) == repr(vars(twin))
+        assert (robot.had_an_event, robot.ran) == (twin.had_an_event, twin.ran)
     check_columns(other.engine)
     states = zip(_states(one), _states(other), strict=True)
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in states)
@@ -251,6 +257,30 @@ def test_runs_are_the_same(count: int, delta: float, leg: str, least: int) -> No
 
 def test_who_arrives_by_itself_is_seen_at_once() -> None:
     _, strides = both(fleet(3, LEG="(1.5 + 0.4 * pid)"), 25.0)
+    assert strides > 20
+
+
+@pytest.mark.parametrize("count", [1 + 1, 5])
+def test_almost_all_rounds_are_parts_of_strides(count: int) -> None:
+    """In which robots arrive, and act: all at once, so that nobody goes then, or one by one."""
+    leg = "1.5" if count == 2 else "(1.5 + 0.3 * pid)"
+    made, strides = both(fleet(count, LEG=leg), 20.0)
+    assert sum(bool((one.deeds >= 0).any()) for one in made.recording.rounds) > 5
+    assert strides > made.engine.round - 12  # before the first
+
+
+@pytest.mark.parametrize("keep_going", [False, True])
+def test_claims_that_break_as_robots_act_are_seen_at_once(keep_going: bool) -> None:
+    made, strides = both(fleet(3, GOES="k != 3"), 12.0, keep_going=keep_going)
+    assert made.ending is (Ending.LIMIT if keep_going else Ending.VIOLATED)
+    assert made.broken
+    assert strides > 10
+
+
+def test_claims_that_break_as_robots_arrive_are_seen_at_once() -> None:
+    at_home = "not Motion.reached or k != 3 or abs(Motion.psn.x - home.x) < 0.7"
+    made, strides = both(fleet(4, LEG="(1.5 + 0.3 * pid)", GOES=at_home), 15.0)
+    assert {broken.robots for broken in made.broken} == {(k,) for k in range(4)}
     assert strides > 20
 
 

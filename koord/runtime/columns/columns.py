@@ -149,6 +149,17 @@ class Columns:
                 return where if is_plain else None
         return self.words.ctypes.data, 0
 
+    def heard(self, kind: int, name: str) -> tuple[int, int] | None:
+        """Where the words of a Boolean sensor begin, of all robots, and how many rows they are.
+
+        None if it has other parts; no rows if nobody reads it.
+        """
+        for column in self._own[kind]:
+            if column.name == name:
+                where = self.words[column.first :].ctypes.data, len(column.leaves)
+                return where if tuple(column.leaves) == (Leaf.BOOL,) else None
+        return self.words.ctypes.data, 0
+
     def know(self, kind: int, name: str) -> None:
         """Take note that a sensor is known of all robots."""
         for column in self._own[kind]:

@@ -210,20 +210,24 @@ class ColumnEngine(RoundEngine):
         super().environment_turn()
         if self.fleet is None:
             return
-        columns, touched = self.fleet.columns, self._touched
+        columns = self.fleet.columns
         if self.measured is None:
             self._touched = None
             for robot in self._robots:
                 columns.take(robot)
-            return
-        columns.measure(self.measured.changed)
-        for pid in self.measured.asked:
+        else:
+            self._sense(columns, self.measured)
+
+    def _sense(self, columns: Columns, measured: Measurement) -> None:
+        """Let columns have what was measured, and note of whom more than where they are."""
+        columns.measure(measured.changed)
+        for pid in measured.asked:
             columns.take(self._robots[pid])
-        if touched is not None:
-            touched.update(self.measured.asked)
-            for one in self.measured.changed:
+        if self._touched is not None:
+            self._touched.update(measured.asked)
+            for one in measured.changed:
                 if one.values.ndim == 1:
-                    touched.update(one.robots.tolist())
+                    self._touched.update(one.robots.tolist())
 
     def _hand_out(self, measured: Measurement) -> None:
         """Let robots have what was measured, or keep it until somebody looks at them."""
@@ -253,22 +257,47 @@ class ColumnEngine(RoundEngine):
 
     def is_idle(self, decision: Decision) -> bool:
         """Return whether it is known that nobody had an event in a decision, nor has stopped."""
+        return self.all_go_on(decision) and not (self._had or self._ran)
+
+    def all_go_on(self, decision: Decision) -> bool:
+        """Return whether it is known that after a decision nobody has stopped, nor faulted."""
         return (
             self.fleet is not None
             and decision is self._decided
-            and not (self._had or self._ran or self.fleet.stopped or decision.fault)
+            and not (self.fleet.stopped or decision.fault)
         )
 
-    def pass_idle(self, decision: Decision, rounds: int, write: Callable[[], None]) -> None:
-        """Take note of rounds in which nobody did anything, the last by this decision.
+    def rest(self) -> None:
+        """Let nobody have an event any more, as in a round in which none is enabled. [SKIP]"""
+        for pid in self._had:
+            self._robots[pid].rest()
+        for pid in self._ran:
+            self._robots[pid].ran = None
+        self._had, self._ran = [], []
 
-        Sensors read where robots are, and no more: columns have it, and ``write`` tells robots.
+    def pass_round(self, measured: Measurement) -> None:
+        """Take note that time has passed after robots acted: a new round begins. [ENV-TRANS]
+
+        Columns know where robots are then. What else sensors read was ``measured``.
         """
         assert self.fleet is not None
+        self.round += 1
+        self._sense(self.fleet.columns, measured)
+        self._write = measured.write
+
+    def pass_idle(self, decision: Decision, rounds: int, measured: Measurement) -> None:
+        """Take note of rounds in which nobody did anything, the last by this decision.
+
+        Columns know where robots are then. What else sensors read was ``measured`` in the last.
+        """
+        assert self.fleet is not None
+        self.rest()
         self.round += rounds
         self.counts.by_code += rounds * len(self._robots)
         self.proposed = {}
-        self._decided, self._write = decision, write
+        self._decided = decision
+        self._sense(self.fleet.columns, measured)
+        self._write = measured.write
 
     def judge(self, watched: Watched) -> CodeJudge | None:
         """A judge of claims about the state as it is now, if machine code has been made for it."""
