@@ -254,6 +254,20 @@ SHOWN = (
         ("tests/api/test_campaign_parquet.py",),
     ),
     Mutant(
+        "violations in space are told in both orders of their robots",
+        "sim.files.space.told_violations",
+        "frozenset(one.robots)",
+        "one.robots",
+        ("tests/sim/test_files.py",),
+    ),
+    Mutant(
+        "labels of violations in space cover each other",
+        "sim.files.space._draw_violations",
+        "_NEXT_LABEL_M * below",
+        "0",
+        ("tests/sim/test_files.py",),
+    ),
+    Mutant(
         "a bag is committed at its end only",
         "sim.files.rosbag._Open.close",
         "self._storage.conn.commit()",

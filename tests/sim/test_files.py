@@ -31,6 +31,7 @@ from koord.sim.run_log import (
     turns_of,
 )
 from tests.sampling import first
+from tests.sim.browser import browser, installed
 from tests.sim.recorded import task
 
 
@@ -193,23 +194,93 @@ class _Drawn:
     def __init__(self) -> None:
         self.balls: dict[str, tuple[float, ...]] = {}
         self.labels: dict[str, str] = {}
+        self.heights: dict[str, float] = {}
 
     def add_icosphere(self, name: str, _: float, *, position: tuple[float, ...], **__: Any) -> None:
         self.balls[name] = position
 
-    def add_label(self, name: str, text: str, **_: Any) -> None:
-        self.labels[name] = text
+    def add_label(self, name: str, text: str, *, position: tuple[float, ...]) -> None:
+        self.labels[name], self.heights[name] = text, position[2]
 
 
 def test_violations_in_space_are_where_they_are_or_where_robots_are(recording: RunLog) -> None:
     scene, (placed,) = _Drawn(), recording.violations
-    space._draw_violation(scene, recording, placed, 0, 1)
-    space._draw_violation(scene, recording, replace(placed, place=None), 20, 0)
-    assert scene.balls.pop("/violations/1/0") == (1.0, 2.0, 0.5)
+    shown: list[tuple[float, float, float]] = []
+    space._draw_violations(scene, recording, [placed], 0, shown)
+    space._draw_violations(scene, recording, [replace(placed, place=None)], 20, shown)
+    assert scene.balls.pop("/violations/0") == (1.0, 2.0, 0.5)
     for robot, place in enumerate(scene.balls.values()):
         assert place == pytest.approx(recording.poses[20][robot, :3].tolist())
     assert len(scene.balls) == 2
-    assert scene.labels["/violations/0/0/label"] == "▲ separation, 3.0 s"
+    assert scene.labels == {
+        "/violations/0/label": "▲ separation, 3.0 s",
+        "/violations/1/label": "▲ separation, 3.0 s",
+    }
+
+
+def test_labels_of_violations_in_space_do_not_cover_each_other(recording: RunLog) -> None:
+    """Those of one time and place are one label, that of a later one is above; orders are one."""
+    scene, (one,) = _Drawn(), recording.violations
+    turned = replace(one, robots=(1, 0), place=(3.0, 2.0, 0.5))
+    other, later = replace(one, claim="invariant A"), replace(one, time_s=4.0)
+    shown: list[tuple[float, float, float]] = []
+    space._draw_violations(scene, recording, [one, turned, other], 0, shown)
+    space._draw_violations(scene, recording, [later], 0, shown)
+    assert list(scene.balls.values()) == [(1.0, 2.0, 0.5), (3.0, 2.0, 0.5), (1.0, 2.0, 0.5)]
+    assert scene.labels == {
+        "/violations/0/label": "▲ separation, invariant A, 3.0 s",
+        "/violations/2/label": "▲ separation, 4.0 s",
+    }
+    assert scene.heights["/violations/2/label"] > scene.heights["/violations/0/label"] + 0.2
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(installed() is None, reason="needs a browser")
+def test_the_timeline_in_space_leads_to_violations(recording: RunLog, tmp_path: Path) -> None:
+    """Marks and list are there, and lead to where the violation is drawn: so do the keys."""
+    pytest.importorskip("viser")
+    again = RunLogger(recording.header).recording
+    for name in ("times_s", "poses", "tasks"):
+        setattr(again, name, getattr(recording, name))
+    (one,) = recording.violations
+    told = "<b>too near</b></script>"
+    again.violations = [one, replace(one, robots=(1, 0)), replace(one, time_s=6.04, words=told)]
+    page = tmp_path / "space.html"
+    page.write_bytes(space.space_of(again))
+    with browser(installed() or "", own="file:") as tab:
+        tab.open(page.as_uri(), 'Boolean(document.querySelector("#koord-marks"))')
+        # Nothing is drawn from here on: without a graphics card that would take most of the time.
+        tab.ask("(window.requestAnimationFrame = () => 0)")
+        marks, rows = (f"[...document.querySelectorAll('#koord-{of} button')]" for of in _LISTS)
+        now = "Number(document.querySelector('[role=slider]').getAttribute('aria-valuenow'))"
+        assert tab.ask(f"{marks}.map((mark) => mark.title)") == [
+            "3 s: separation, robots 0 and 1: too near",
+            f"6.04 s: separation, robots 0 and 1: {told}",
+        ]
+        assert tab.ask(f"{rows}.length") == 2
+        assert tab.ask("document.querySelector('#koord-violations summary').textContent") == (
+            "▲ 2 violations n p"
+        )
+        (left, right), (start, width) = tab.ask(
+            f"[{marks}.map((mark) => mark.getBoundingClientRect()).map((box) => box.x + box.width"
+            " / 2), ((box) => [box.x, box.width])(document.querySelector('.mantine-Slider-root')"
+            ".getBoundingClientRect())]"
+        )
+        times = [again.times_s[k] for k in space._shown_samples(again)]
+        first, shown = (next(time for time in times if time > at - 1e-9) for at in (3.0, 6.04))
+        assert left == pytest.approx(start + width * first / again.times_s[-1], abs=1)
+        assert right == pytest.approx(start + width * shown / again.times_s[-1], abs=1)
+        tab.ask(f"{marks}[1].click()")
+        tab.until(f"Math.abs({now} - {shown}) < 1e-6")
+        assert tab.ask(f"{rows}[1].className") == "now"
+        for key, time_s in (("p", first), ("n", shown)):
+            tab.press(key)
+            tab.until(f"Math.abs({now} - {time_s}) < 1e-6")
+        tab.ask(f"{rows}[0].click()")
+        tab.until(f"Math.abs({now} - {first}) < 1e-6")
+
+
+_LISTS = ("marks", "violations")
 
 
 def test_prisms_are_closed_surfaces() -> None:

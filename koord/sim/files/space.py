@@ -1,20 +1,29 @@
 """Export of a run to a 3D page: one HTML file that loads nothing. Needs ``koord[view]``.
 
-The viewer is viser's own, with the recorded scene put into its page.
+The viewer is viser's own, with the recorded scene put into its page. Violations are drawn where
+they are, and marked on the viewer's timeline.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
+import json
+import math
+from collections.abc import Iterable, Sequence
+from importlib.resources import files
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.world import Box, Disc, Obstacle, World
+from koord.runtime.motion.world import Box, Disc, Obstacle, Point, World
 from koord.sim.files.drawing import TASKS, WALL, heights, hue
 from koord.sim.run_log import Header, LoggedViolation, RunLog, TaskState, turns_of
+
+#: Labels of places so near are above each other, so far apart.
+_NEAR_M, _NEXT_LABEL_M = 1.0, 0.3
 
 _EDGE, _BAD = (120, 130, 145), (204, 41, 54)
 
@@ -46,42 +55,111 @@ def space_of(recording: RunLog) -> bytes:
         serializer = server.get_scene_serializer()
         _play(scene, serializer, robots, recording)
         page: str = serializer.as_html()
-        return page.encode()
+        return _marked(page, recording).encode()
+
+
+def told_violations(violations: Iterable[LoggedViolation]) -> list[LoggedViolation]:
+    """Violations in order of time, each once: of ``forall i, j`` both orders may be recorded."""
+    told: dict[tuple[str, float, frozenset[int]], LoggedViolation] = {}
+    for one in sorted(violations, key=lambda one: one.time_s):
+        told.setdefault((one.claim, one.time_s, frozenset(one.robots)), one)
+    return list(told.values())
+
+
+def _marked(page: str, recording: RunLog) -> str:
+    """The viewer's page, with marks of violations on its timeline and a list of them."""
+    shown_s = [recording.times_s[k] for k in _shown_samples(recording)]
+    told = [
+        {
+            "time": round(one.time_s, 2),
+            "shown": next((s for s in shown_s if one.time_s <= s + 1e-9), one.time_s),
+            "claim": one.claim,
+            "story": _story(one),
+        }
+        for one in told_violations(recording.violations)
+    ]
+    own = files("koord.sim") / "page"
+    style, script = ((own / f"space.{kind}").read_text("utf-8") for kind in ("css", "js"))
+    # `<` in a text of the run could end the element
+    data = json.dumps({"violations": told}).replace("<", "\\u003c")
+    added = (
+        f"<style>{style}</style>\n"
+        f'<script type="application/json" id="koord-data">{data}</script>\n'
+        f'<script type="module">{script}</script>\n'
+    )
+    before, end, after = page.rpartition("</body>")
+    return f"{before}{added}{end}{after}"
+
+
+def _story(violation: LoggedViolation) -> str:
+    """Whose a violation is, and what there is to say of it."""
+    whose = " and ".join(map(str, violation.robots))
+    if whose:
+        whose = f"robot{'s' if len(violation.robots) > 1 else ''} {whose}"
+    return ": ".join(filter(None, (whose, violation.words)))
+
+
+def _shown_samples(recording: RunLog) -> list[int]:
+    """The samples whose poses are shown; the last one is."""
+    shown: list[int] = []
+    shown_s = 0.0
+    for k, time_s in enumerate(recording.times_s):
+        if time_s - shown_s >= _SHOWN_S - 1e-9 or k == len(recording.times_s) - 1:
+            shown.append(k)
+            shown_s = time_s
+    return shown
 
 
 def _play(scene: Any, serializer: Any, robots: list[Any], recording: RunLog) -> None:
     """Record poses, tasks and violations in order of time."""
     changes = list(recording.tasks)
-    broken = list(recording.violations)
+    in_time = sorted(recording.violations, key=lambda one: one.time_s)
+    broken = [list(those) for _, those in groupby(in_time, lambda one: one.time_s)]
+    shown: list[Point] = []
     shown_s = 0.0
-    for k, time_s in enumerate(recording.times_s):
-        last = k == len(recording.times_s) - 1
-        if time_s - shown_s < _SHOWN_S - 1e-9 and not last:
-            continue
+    for k in _shown_samples(recording):
+        time_s = recording.times_s[k]
         serializer.insert_sleep(time_s - shown_s)
         shown_s = time_s
         while changes and changes[0].time_s <= time_s + 1e-9:
             change = changes.pop(0)
             _draw_task(scene, recording.header, change.task, change.state)
-        while broken and broken[0].time_s <= time_s + 1e-9:
-            _draw_violation(scene, recording, broken.pop(0), k, len(broken))
+        while broken and broken[0][0].time_s <= time_s + 1e-9:
+            _draw_violations(scene, recording, broken.pop(0), k, shown)
         _move(robots, recording, k)
 
 
-def _draw_violation(
-    scene: Any, recording: RunLog, violation: LoggedViolation, sample: int, number: int
+def _draw_violations(
+    scene: Any,
+    recording: RunLog,
+    violations: Sequence[LoggedViolation],
+    sample: int,
+    shown: list[Point],
 ) -> None:
-    """Draw a violation where it is, or else at each of its robots, with its claim and time."""
-    places = [] if violation.place is None else [violation.place]
-    if not places and recording.poses:
-        poses = recording.poses[sample]
-        places = [tuple(poses[robot, :3].tolist()) for robot in violation.robots]
-    told = f"▲ {violation.claim}, {violation.time_s:.1f} s"
-    for k, (x, y, z) in enumerate(places):
-        name = f"/violations/{number}/{k}"
-        scene.add_icosphere(name, 0.15, color=_BAD, position=(x, y, z), opacity=0.7)
-        if k == 0:
-            scene.add_label(f"{name}/label", told, position=(0.0, 0.0, 0.35))
+    """Draw violations of one time: balls where they are, with their claims and the time.
+
+    One without a place is at each of its robots. ``shown`` has the places of the balls that are
+    there, and gets the new ones: labels near to each other are put above each other.
+    """
+    told = {id(one) for one in told_violations(violations)}
+    claims: dict[Point, list[str]] = {}
+    for one in violations:
+        places = [] if one.place is None else [one.place]
+        if not places and recording.poses:
+            poses = recording.poses[sample]
+            places = [(x, y, z) for x, y, z in poses[list(one.robots), :3].tolist()]
+        for k, place in enumerate(places):
+            # told at the first of its places
+            claims.setdefault(place, []).extend([one.claim] if k == 0 and id(one) in told else [])
+    for place, names in claims.items():
+        name = f"/violations/{len(shown)}"
+        scene.add_icosphere(name, 0.15, color=_BAD, position=place, opacity=0.7)
+        if names:
+            below = sum(math.dist(place, other) < _NEAR_M for other in shown)
+            text = f"▲ {', '.join(dict.fromkeys(names))}, {violations[0].time_s:.1f} s"
+            above = (0.0, 0.0, 0.35 + _NEXT_LABEL_M * below)
+            scene.add_label(f"{name}/label", text, position=above)
+        shown.append(place)
 
 
 def _move(robots: list[Any], recording: RunLog, sample: int) -> None:
