@@ -10,6 +10,7 @@ IC3 = "tests/verify/engines/bits/test_ic3.py"
 GENERATED = "tests/agreement/test_engines.py"
 EXPORTING = "tests/verify/engines/bits/test_circuit_files.py"
 ENGINE = "tests/verify/engines/bits/test_engine.py"
+STATES = "tests/verify/engines/bits/test_state_claims.py"
 
 BITS = (
     # the domain
@@ -149,10 +150,31 @@ BITS = (
     ),
     Mutant(
         "a constraint is left to a choice that alone does not keep it",
-        "verify.engines.bits.legal_choices._legal",
-        "named and g.substituted(part, {choices[max(named)]: FALSE}) == TRUE",
-        "named",
+        "verify.engines.bits.legal_choices._shares",
+        "g.both(made, not_made ^ 1) != FALSE",
+        "g.both(made, not_made ^ 1) == TRUE",
         ("tests/verify/engines/bits/test_legal_choices.py",),
+    ),
+    Mutant(
+        "what a constraint says without its last choice is forgotten",
+        "verify.engines.bits.legal_choices._shares",
+        "part = not_made",
+        "part = TRUE",
+        ("tests/verify/engines/bits/test_legal_choices.py",),
+    ),
+    Mutant(
+        "what breaks on the way is looked for behind the round",
+        "verify.engines.bits.state_claims.broken_in_state",
+        "left and (not _implies(circuit, {when, *needed[phase]}, g.all_of(left)))",
+        "left - {after}",
+        (STATES, EXPORTING),
+    ),
+    Mutant(
+        "what a round that has no end breaks is looked for behind it",
+        "verify.engines.bits.state_claims.broken_in_state",
+        "{*g.conjuncts(after), *whole}",
+        "{*g.conjuncts(after)}",
+        (STATES, EXPORTING),
     ),
     # clauses and rounds
     Mutant(
@@ -257,16 +279,30 @@ BITS = (
     # other tools
     Mutant(
         "what is exported is bad before INIT",
-        "verify.engines.bits.circuit_files.machine_of",
-        "g.both(begun ^ 1, circuit.bad_start.get(claim, FALSE))",
-        "circuit.bad_start.get(claim, FALSE)",
+        "verify.engines.bits.circuit_files._with_init",
+        "g.both(begun ^ 1, x.first)",
+        "x.first",
         (EXPORTING,),
     ),
     Mutant(
         "what is exported goes on behind an illegal step",
-        "verify.engines.bits.circuit_files._begun",
+        "verify.engines.bits.circuit_files._with_init",
         "g.both(valid, steps)",
         "steps",
         (EXPORTING,),
+    ),
+    Mutant(
+        "INIT is left out though it breaks a claim",
+        "verify.engines.bits.circuit_files._is_determined",
+        "x.first != FALSE",
+        "x.first == TRUE",
+        (EXPORTING,),
+    ),
+    Mutant(
+        "latches that abc negates are taken as they are",
+        "verify.engines.bits.abc._cubes",
+        "latch.init == TRUE",
+        "latch.init > TRUE",
+        ("tests/verify/engines/bits/test_abc.py",),
     ),
 )

@@ -6,15 +6,16 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from math import ceil
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from koord.verify.effort import Deadline
+from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.circuit_files import aiger_of, machine_asking
-from koord.verify.engines.bits.graph import Graph
+from koord.verify.engines.bits.graph import TRUE, Graph
 from koord.verify.engines.bits.ic3 import ClauseInvariant, Cube, Reached, SafetyQuery, Unfinished
 from koord.verify.job_process import die_with
 
@@ -43,7 +44,8 @@ def searched(
         return Unfinished(0)
     with TemporaryDirectory() as folder:
         problem, invariant = Path(folder) / "problem.aig", Path(folder) / "invariant.pla"
-        problem.write_bytes(aiger_of(machine_asking(g, question)))
+        machine = machine_asking(g, question)
+        problem.write_bytes(aiger_of(machine))
         # Rewriting leaves the latches as they are, so the invariant is one of what was written.
         command = f"read {problem}; dc2; pdr -d -I {invariant}"
         try:
@@ -60,12 +62,12 @@ def searched(
             return Unfinished(0)
         asserted = _ASSERTED.search(done.stdout)
         if asserted is not None:
-            # The first step is INIT.
-            return Reached(max(1, int(asserted[1])))
+            # Frame 0 is that of INIT, or of the first round: this is enough for both.
+            return Reached(int(asserted[1]) + 1)
         if "Property proved" not in done.stdout:
             return Unfinished(0)
         text = invariant.read_text(encoding="utf-8") if invariant.exists() else ""
-    return ClauseInvariant(tuple(sorted(_cubes(text, len(question.latches)))), 0)
+    return ClauseInvariant(tuple(sorted(_cubes(text, machine.latches))), 0)
 
 
 def _begin(parent: int, seconds: float | None) -> None:
@@ -77,22 +79,25 @@ def _begin(parent: int, seconds: float | None) -> None:
         setrlimit(RLIMIT_CPU, (ceil(seconds), getrlimit(RLIMIT_CPU)[1]))
 
 
-def _cubes(text: str, latches: int) -> Iterator[Cube]:
-    """The cubes of states that an invariant excludes, among those reached by legal steps."""
+def _cubes(text: str, latches: Sequence[Latch]) -> Iterator[Cube]:
+    """The cubes of states that an invariant excludes, among those reached by legal steps.
+
+    abc has all latches start false: it negates those that do not.
+    """
     names: list[str] = []
+    negated = {latch.name: latch.init == TRUE for latch in latches}
     for line in text.splitlines():
         if line.startswith(".ilb"):
             names = line.split()[1:]
         row = line.split()
         if len(row) != 2 or row[1] != "1" or set(row[0]) - {"0", "1", "-"}:
             continue
-        said = dict(zip(names, row[0], strict=True))
-        if said.pop("begun", "-") == "0" or said.pop("valid", "-") == "0":
-            continue
-        cube = [
-            int(name[1:]) + 1 if value == "1" else -(int(name[1:]) + 1)
-            for name, value in said.items()
+        said = {
+            name: (value == "1") ^ negated[name]
+            for name, value in zip(names, row[0], strict=True)
             if value != "-"
-        ]
-        assert all(0 < abs(x) <= latches for x in cube)
-        yield tuple(sorted(cube))
+        }
+        if not said.pop("begun", True) or not said.pop("valid", True):
+            continue
+        literals = ((int(name[1:]) + 1) * (1 if value else -1) for name, value in said.items())
+        yield tuple(sorted(literals))

@@ -1,7 +1,8 @@
 """Export of circuits: AIGER for model checkers, VMT and SMT-LIB for solvers.
 
-In a circuit of its own INIT is a first step: latches are false before it. A latch ``valid`` says
-that there was such a step and that all steps since were legal; nothing is bad without it.
+Where INIT leads to one state, latches start as they are there. Elsewhere INIT is a first step,
+before which latches are false, and a latch ``begun`` says that it was made. A latch ``valid`` says
+that all steps so far were legal, unless all are; nothing is bad without it.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.verify.engines.bits.circuit import Circuit, Latch
-from koord.verify.engines.bits.constraint_selection import with_all
-from koord.verify.engines.bits.graph import FALSE, Graph
+from koord.verify.engines.bits.clauses import QUICK, Clauses
+from koord.verify.engines.bits.constraint_selection import whatever_range
+from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
 from koord.verify.engines.bits.ic3 import SafetyQuery
 from koord.verify.engines.bits.legal_choices import choices_of, legal_mistakes, legal_rounds
 from koord.verify.engines.bits.unrolling import Copy
@@ -31,7 +33,7 @@ class Format(Enum):
 
 
 class TransitionSystem(Struct, frozen=True):
-    """A transition system whose latches all start false, with its bad literals by name."""
+    """A transition system with its bad literals by name. Latches start as constants."""
 
     graph: Graph
     inputs: tuple[int, ...]
@@ -39,45 +41,83 @@ class TransitionSystem(Struct, frozen=True):
     bad: tuple[tuple[str, int], ...]
 
 
-def machine_of(circuit: Circuit) -> TransitionSystem:
-    """The circuit's transition system with INIT as its first step."""
+class _Badness(Struct, frozen=True):
+    """When a claim breaks: as INIT ends, and after INIT, by a state and inputs."""
+
+    name: str
+    first: int
+    later: int
+
+
+def machine_of(circuit: Circuit, *, between: bool = True) -> TransitionSystem:
+    """The circuit's transition system.
+
+    A claim is bad in the step that breaks it, or, if that is as good and claims may be looked at
+    ``between`` rounds, in the state behind it. Without that INIT is always the first step.
+    """
     g, choices = circuit.d.graph, choices_of(circuit)
-    begun, valid = g.input("begun"), g.input("valid")
-    steps, broken = with_all(circuit, circuit.bad, in_range=False)
+    steps, in_rounds, in_states = whatever_range(circuit, between=between)
     lost = legal_mistakes(g, g.both(circuit.lost, steps), choices)
     bad = []
-    for claim, breaks in broken.items():
-        when = g.both(valid, g.either(legal_mistakes(g, breaks, choices), lost))
-        first = g.both(begun ^ 1, circuit.bad_start.get(claim, FALSE))
-        bad.append((claim.name, g.either(when, first)))
+    for claim in circuit.bad:
+        breaks = legal_mistakes(g, in_rounds.get(claim, FALSE), choices)
+        later = g.any_of([breaks, in_states.get(claim, FALSE), lost])
+        bad.append(_Badness(claim.name, circuit.bad_start.get(claim, FALSE), later))
     steps, latches = legal_rounds(g, steps, circuit.latches, choices)
-    return _begun(g, (begun, valid), latches, circuit.opens, steps, bad)
+    if between and _is_determined(g, latches, circuit.opens, bad):
+        return _after_init(g, latches, steps, bad)
+    return _with_init(g, latches, circuit.opens, steps, bad)
 
 
 def machine_asking(g: Graph, question: SafetyQuery) -> TransitionSystem:
-    """The transition system of an IC3 query with INIT as its first step; latches are l0, l1, …"""
-    begun, valid = g.input("begun"), g.input("valid")
+    """The transition system of an IC3 query; latches of the query are l0, l1, …"""
     steps = g.all_of([question.steps, *question.given])
-    bad = g.all_of([begun, valid, question.bad, *question.given])
+    bad = [_Badness("bad", FALSE, g.all_of([question.bad, *question.given]))]
     latches = [replace(latch, name=f"l{k}") for k, latch in enumerate(question.latches)]
-    return _begun(g, (begun, valid), latches, question.opens, steps, [("bad", bad)])
+    if _is_determined(g, latches, question.opens, bad):
+        return _after_init(g, latches, steps, bad)
+    return _with_init(g, latches, question.opens, steps, bad)
 
 
-def _begun(
-    g: Graph,
-    first: tuple[int, int],
-    given: Sequence[Latch],
-    opens: int,
-    steps: int,
-    bad: Sequence[tuple[str, int]],
+def _is_determined(g: Graph, latches: Sequence[Latch], opens: int, bad: Sequence[_Badness]) -> bool:
+    """Return whether INIT leads to one state, and breaks nothing on the way."""
+    if any(latch.init > TRUE for latch in latches) or any(x.first != FALSE for x in bad):
+        return False
+    clauses = Clauses(g, QUICK)
+    possible = clauses.solve([clauses.of(opens)])
+    clauses.close()
+    return possible
+
+
+def _after_init(
+    g: Graph, latches: Sequence[Latch], steps: int, bad: Sequence[_Badness]
 ) -> TransitionSystem:
-    """A transition system whose ``first`` latches say that INIT is over and all steps legal."""
-    begun, valid = first
+    """A transition system that starts behind INIT, where that leads to one state."""
+    if steps == TRUE:
+        return _system(g, latches, [(x.name, x.later) for x in bad])
+    valid = g.input("valid")
+    legal = Latch("valid", valid, TRUE, g.both(valid, steps))
+    return _system(g, [legal, *latches], [(x.name, g.both(valid, x.later)) for x in bad])
+
+
+def _with_init(
+    g: Graph, given: Sequence[Latch], opens: int, steps: int, bad: Sequence[_Badness]
+) -> TransitionSystem:
+    """A transition system with INIT as its first step, before which all latches are false."""
+    begun, valid = g.input("begun"), g.input("valid")
     legal = g.choose(begun, g.both(valid, steps), opens)
-    latches = [Latch("begun", begun, FALSE, FALSE ^ 1), Latch("valid", valid, FALSE, legal)]
+    latches = [Latch("begun", begun, FALSE, TRUE), Latch("valid", valid, FALSE, legal)]
     for latch in given:
         then = g.choose(begun, latch.next, latch.init)
         latches.append(Latch(latch.name, latch.literal, FALSE, then))
+    when = [
+        (x.name, g.either(g.all_of([begun, valid, x.later]), g.both(begun ^ 1, x.first)))
+        for x in bad
+    ]
+    return _system(g, latches, when)
+
+
+def _system(g: Graph, latches: Sequence[Latch], bad: Sequence[tuple[str, int]]) -> TransitionSystem:
     own = {latch.literal >> 1 for latch in latches}
     roots = [*(latch.next for latch in latches), *(x for _, x in bad)]
     inputs = tuple(2 * n for n in g.cone(roots) if g.is_input(n) and n not in own)
@@ -86,7 +126,7 @@ def _begun(
 
 def exported(circuit: Circuit, format_: Format, rounds: int, comment: str) -> bytes:
     """The text of a file. ``rounds`` is the depth of an SMT-LIB query."""
-    of = machine_of(circuit)
+    of = machine_of(circuit, between=format_ is not Format.SMT2)
     match format_:
         case Format.AIGER:
             return _text(_aiger(of, comment))
@@ -131,6 +171,10 @@ class _Numbered:
     def of(self, literal: int) -> int:
         return 2 * self._numbers[literal >> 1] + (literal & 1)
 
+    def becomes(self, latch: Latch) -> str:
+        """The next value of a latch, and what it starts as unless that is false."""
+        return f"{self.of(latch.next)}{' 1' if latch.init == TRUE else ''}"
+
     def header(self, kind: str, of: TransitionSystem) -> str:
         sizes = len(of.inputs), len(of.latches), 0, len(self.conjunctions), len(of.bad)
         return f"{kind} {len(self._numbers) - 1} {' '.join(map(str, sizes))}"
@@ -140,7 +184,7 @@ def _aiger(of: TransitionSystem, comment: str) -> Iterator[str]:
     numbered = _Numbered(of)
     yield numbered.header("aag", of)
     yield from (str(numbered.of(literal)) for literal in of.inputs)
-    yield from (f"{numbered.of(x.literal)} {numbered.of(x.next)}" for x in of.latches)
+    yield from (f"{numbered.of(x.literal)} {numbered.becomes(x)}" for x in of.latches)
     yield from (str(numbered.of(literal)) for _, literal in of.bad)
     yield from (f"{node} {left} {right}" for node, left, right in numbered.conjunctions)
     yield from _symbols(of, comment)
@@ -150,7 +194,7 @@ def _aig(of: TransitionSystem, comment: str) -> bytes:
     """The binary AIGER file: inputs and latches are implicit, conjunctions are differences."""
     numbered = _Numbered(of)
     head = [numbered.header("aig", of)]
-    head += [str(numbered.of(latch.next)) for latch in of.latches]
+    head += [numbered.becomes(latch) for latch in of.latches]
     head += [str(numbered.of(literal)) for _, literal in of.bad]
     body = bytearray()
     for node, left, right in numbered.conjunctions:
@@ -201,7 +245,7 @@ def _vmt(of: TransitionSystem, comment: str) -> Iterator[str]:
         yield f"(declare-fun {then} () Bool)"
         yield f"(define-fun |.{latch.literal}| () Bool (! {name} :next {then}))"
     yield from _definitions(g, _cone(of), names)
-    starts = _all(f"(not {names[latch.literal >> 1]})" for latch in of.latches)
+    starts = _all(_term(latch.literal ^ latch.init ^ 1, names) for latch in of.latches)
     yield f"(define-fun |.init| () Bool (! {starts} :init true))"
     steps = _all(
         f"(= {_symbol(f'next {latch.name}', latch.literal)} {_term(latch.next, names)})"
@@ -218,7 +262,7 @@ def _vmt(of: TransitionSystem, comment: str) -> Iterator[str]:
 def _smt2(of: TransitionSystem, rounds: int, comment: str) -> Iterator[str]:
     """A script that is satisfiable if a claim breaks in INIT or within so many rounds."""
     to = Graph()
-    state = {latch.literal >> 1: FALSE for latch in of.latches}
+    state = {latch.literal >> 1: latch.init for latch in of.latches}
     bad = []
     for number in range(rounds + 1):
         step = Copy(of.graph, to, f"#{number}", dict(state))

@@ -14,6 +14,7 @@ from koord.verify.engines.bits.circuit import Circuit, Latch
 from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
 from koord.verify.engines.bits.ic3 import SafetyQuery, reduced
 from koord.verify.engines.bits.numbers import TABLE, Number
+from koord.verify.engines.bits.state_claims import broken_in_state
 
 
 class _Ranges:
@@ -79,9 +80,10 @@ def projected(g: Graph, number: Number, inputs: set[int]) -> int:
     return among(frozenset(range(number.low, number.high + 1)), bits)
 
 
-def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) -> SafetyQuery:
+def narrowed(circuit: Circuit, claims: Sequence[Claim], given: Iterable[int]) -> SafetyQuery:
     """The query whether one of the claims can break, with the related constraints only.
 
+    Claims are judged in the states between rounds, where that is as good. [T-ROUND-ENDS]
     That numbers are in their ranges is none of them: whoever goes back from a bad state would have
     to show it of all, and it holds of all that is reached.
     """
@@ -103,7 +105,15 @@ def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) ->
         pending = [x for x in pending if x not in kept]
     steps = g.all_of(kept)
     latches = tuple(latch for latch in circuit.latches if latch.literal >> 1 in inputs)
-    violated = [g.all_of([when, *(kept & needed[phase])]) for phase, when in broken]
+    required = {phase: kept & parts for phase, parts in needed.items()}
+    violated: list[int] = []
+    for claim in claims:
+        in_state = broken_in_state(circuit, claim, required, kept)
+        if in_state is None:
+            ways = circuit.broken[claim]
+            violated += [g.all_of([when, *required[phase]]) for phase, when in ways]
+        else:
+            violated.append(in_state)
     lost = g.both(circuit.lost, steps)
     bad = g.any_of([*violated, lost])
     bounds = tuple(ranges.about(inputs))
@@ -160,28 +170,55 @@ def everything(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) 
 
 
 def with_all(
-    circuit: Circuit, claims: Iterable[Claim], more: Iterable[int] = (), *, in_range: bool = True
+    circuit: Circuit, claims: Iterable[Claim], more: Iterable[int] = ()
 ) -> tuple[int, dict[Claim, int]]:
     """Whole rounds, and when claims break, with all constraints: of ranges, what matters.
 
-    What the literals of ``more`` depend on matters as well. Without ``in_range`` nothing is said of
-    ranges, in which all is that is reached.
+    What the literals of ``more`` depend on matters as well.
     """
     g, ranges = circuit.d.graph, _Ranges(circuit)
-    needed = {
-        phase: [x for x in _single(g, parts) if x not in ranges.parts]
-        for phase, parts in circuit.needed.items()
-    }
-    whole = [*needed[ClaimPhase.END], *(literal ^ 1 for literal in circuit.faults)]
+    needed, whole = _unbounded(circuit, ranges)
     broken = {claim: circuit.broken[claim] for claim in claims}
     roots = [circuit.lost, *whole, *more, *(x for each in broken.values() for _, x in each)]
     roots += [x for parts in needed.values() for x in parts]
-    bounds = ranges.about(ranges.closed(roots, set())) if in_range else []
+    bounds = ranges.about(ranges.closed(roots, set()))
     bad = {
         claim: g.any_of(g.all_of([when, *needed[phase], *bounds]) for phase, when in phases)
         for claim, phases in broken.items()
     }
     return g.all_of([*whole, *bounds]), bad
+
+
+def whatever_range(
+    circuit: Circuit, *, between: bool
+) -> tuple[int, dict[Claim, int], dict[Claim, int]]:
+    """Whole rounds, and when claims break, with all constraints but ranges.
+
+    Ranges hold of all that is reached. Second are the claims that rounds break; last, if looked at
+    ``between`` rounds, those that states break where that is as good. [T-ROUND-ENDS]
+    """
+    g = circuit.d.graph
+    needed, whole = _unbounded(circuit, _Ranges(circuit))
+    required = {phase: set(parts) for phase, parts in needed.items()}
+    all_of_them = set(_single(g, whole))
+    in_rounds: dict[Claim, int] = {}
+    in_states: dict[Claim, int] = {}
+    for claim, ways in circuit.broken.items():
+        state = broken_in_state(circuit, claim, required, all_of_them) if between else None
+        if state is None:
+            in_rounds[claim] = g.any_of(g.all_of([when, *needed[phase]]) for phase, when in ways)
+        else:
+            in_states[claim] = state
+    return g.all_of(whole), in_rounds, in_states
+
+
+def _unbounded(circuit: Circuit, ranges: _Ranges) -> tuple[dict[ClaimPhase, list[int]], list[int]]:
+    """The constraints of rounds up to each phase, and those of whole ones, without ranges."""
+    needed = {
+        phase: [x for x in _single(circuit.d.graph, parts) if x not in ranges.parts]
+        for phase, parts in circuit.needed.items()
+    }
+    return needed, [*needed[ClaimPhase.END], *(literal ^ 1 for literal in circuit.faults)]
 
 
 def _closed(g: Graph, latches: dict[int, Latch], roots: list[int], known: set[int]) -> set[int]:

@@ -8,7 +8,7 @@ rounds in all, of which little is to be shown.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from msgspec.structs import replace
 
@@ -56,20 +56,43 @@ def _legal(
 ) -> Sequence[int]:
     """Literals that are looked at under a condition, with the choices that it allows put in.
 
-    A constraint is left to the last choice that it is about, if it holds where that is not made:
-    then the choice is made only where the constraint holds. That leaves the same set of rounds: a
-    choice that keeps its constraints is what it was, and any other counts as not made.
+    A constraint is left to the choices that it is about: the last of them is made only where the
+    constraint holds with it, and what is left of it without that is one of those before. That
+    leaves the same set of rounds: a choice that keeps its constraints is what it was, and any other
+    counts as not made.
     """
     rank = {node: k for k, node in enumerate(choices)}
     about: dict[int, list[int]] = {}
+    settled: dict[int, int] = {}  #: constraints that hold by themselves
     for part in g.conjuncts(condition):
-        named = [rank[node] for node in g.cone([part]) if node in rank]
-        if named and g.substituted(part, {choices[max(named)]: FALSE}) == TRUE:
-            about.setdefault(max(named), []).append(part)
+        shares = _shares(g, part, rank, choices)
+        for k, share in shares or ():
+            about.setdefault(k, []).append(share)
+        if shares is not None:
+            settled[part >> 1] = TRUE ^ (part & 1)
     meaning: dict[int, int] = {}
-    settled: dict[int, int] = {}
     for k in sorted(about):
-        kept = g.all_substituted(about[k], meaning | settled)
+        kept = g.all_substituted(about[k], meaning)
         meaning[choices[k]] = g.all_of([2 * choices[k], *kept])
-        settled |= {part >> 1: TRUE ^ (part & 1) for part in about[k]}
     return g.all_substituted(literals, meaning | settled)
+
+
+def _shares(
+    g: Graph, part: int, rank: Mapping[int, int], choices: Sequence[int]
+) -> list[tuple[int, int]] | None:
+    """What a constraint requires of each choice, by rank, if that choice is made.
+
+    These say together what the constraint says. None where none do, as where it requires a choice.
+    """
+    found: list[tuple[int, int]] = []
+    while part != TRUE:
+        named = [rank[node] for node in g.cone([part]) if node in rank]
+        if not named:
+            return None
+        last = max(named)
+        made, not_made = (g.substituted(part, {choices[last]: x}) for x in (TRUE, FALSE))
+        if g.both(made, not_made ^ 1) != FALSE:
+            return None
+        found.append((last, made))
+        part = not_made
+    return found

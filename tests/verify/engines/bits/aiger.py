@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Aiger:
-    """A file: literals of inputs, latches with what they become, bad ones, conjunctions."""
+    """A file: literals of inputs, latches with what they become and start as, bad ones, ands."""
 
     inputs: list[int]
-    latches: list[tuple[int, int]]
+    latches: list[tuple[int, int, int]]
     bad: list[int]
     conjunctions: list[tuple[int, int, int]]
     names: dict[str, str]
@@ -20,7 +20,7 @@ class Aiger:
         """The next state, and which bad literals hold now."""
         value = {0: False}
         value |= {x >> 1: b for x, b in zip(self.inputs, inputs, strict=True)}
-        value |= {x >> 1: b for (x, _), b in zip(self.latches, state, strict=True)}
+        value |= {x >> 1: b for (x, _, _), b in zip(self.latches, state, strict=True)}
 
         def of(literal: int) -> bool:
             return value[literal >> 1] ^ bool(literal & 1)
@@ -28,7 +28,7 @@ class Aiger:
         for left, a, b in self.conjunctions:
             assert left > a >= b, "each is made of what comes before"
             value[left >> 1] = of(a) and of(b)
-        return [of(then) for _, then in self.latches], [of(x) for x in self.bad]
+        return [of(then) for _, then, _ in self.latches], [of(x) for x in self.bad]
 
 
 def read(text: str) -> Aiger:
@@ -41,14 +41,14 @@ def read(text: str) -> Aiger:
     first = inputs + latches
     found = Aiger(
         [x for (x,) in rows[:inputs]],
-        [(x, y) for x, y in rows[inputs:first]],
+        [(x, y, sum(reset)) for x, y, *reset in rows[inputs:first]],
         [x for (x,) in rows[first : first + bad]],
         [(x, y, z) for x, y, z in rows[first + bad :]],
         {},
     )
     defined = [
         *found.inputs,
-        *(x for x, _ in found.latches),
+        *(x for x, _, _ in found.latches),
         *(x for x, _, _ in found.conjunctions),
     ]
     assert len(set(defined)) == len(defined) == largest
@@ -71,7 +71,7 @@ def read_binary(content: bytes) -> Aiger:
     lines = [f"aag {' '.join(str(int(size)) for size in sizes)}"]
     lines += [str(2 * n) for n in range(1, 1 + inputs)]
     states = zip(range(1 + inputs, 1 + inputs + latches), head[1:], strict=False)
-    lines += [f"{2 * n} {int(then)}" for n, then in states]
+    lines += [f"{2 * n} {then.decode()}" for n, then in states]
     lines += [str(int(literal)) for literal in head[1 + latches :]]
     at = 0
 

@@ -49,6 +49,27 @@ def test_what_is_not_inductive_is_proved_and_what_breaks_is_found() -> None:
     assert shown.round == 2
 
 
+#: From 10 on nobody comes to 3, from which one would come to 1. That is not inductive either.
+DOWN = """
+allwrite:
+  int x = 10
+Down:
+  pre: x > 4
+  eff: atomic: x = x - 2
+Leap:
+  pre: x == 3
+  eff: atomic: x = 1
+invariant High: x > 1
+"""
+
+
+@needs_abc
+def test_invariants_are_those_of_latches_that_start_true() -> None:
+    """abc negates these, and tells invariants of what it made of them."""
+    found, _ = verify(of_text(DOWN), Bounds(2, 60), Engine.ABC).verdicts
+    assert (found.outcome, found.engine, found.rounds) == (Outcome.HOLDS, Engine.ABC, None)
+
+
 @needs_abc
 def test_rounds_behind_the_bound_are_found() -> None:
     shown = asked(rounds=1)["Even"].counterexample

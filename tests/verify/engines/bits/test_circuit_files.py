@@ -15,9 +15,15 @@ from koord.cli import main as frame
 from koord.cli.exits import Exit
 from koord.refinement.generating.programs import system
 from koord.verify.engines.bits.circuit import Circuit
-from koord.verify.engines.bits.circuit_files import Format, exported, machine_of
+from koord.verify.engines.bits.circuit_files import (
+    Format,
+    TransitionSystem,
+    exported,
+    machine_of,
+)
 from koord.verify.engines.bits.clauses import QUICK, Clauses
-from koord.verify.engines.bits.graph import FALSE
+from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
+from koord.verify.engines.bits.unrolling import Copy
 from tests.generators.profiles import FINITE
 from tests.sampling import first
 from tests.verify.asking import bounded
@@ -52,7 +58,8 @@ def test_aiger_steps_as_the_circuit_does() -> None:
         assert len(written.latches) == len(machine.latches)
         assert {v for k, v in written.names.items() if k[0] == "b"} == {c.name for c in of.bad}
         random = Random(seed)
-        state = [False] * len(machine.latches)
+        state = [bool(first) for _, _, first in written.latches]
+        assert state == [latch.init == TRUE for latch in machine.latches]
         for _ in range(20):
             inputs = [random.random() < 0.5 for _ in machine.inputs]
             given = {x >> 1: b for x, b in zip(machine.inputs, inputs, strict=True)}
@@ -73,7 +80,7 @@ def test_what_init_breaks_is_bad_before_it_is_over_and_never_again() -> None:
         of = finite_circuit(seed)
         if of is None:
             continue
-        g, machine, random = of.d.graph, machine_of(of), Random(seed)
+        g, machine, random = of.d.graph, machine_of(of, between=False), Random(seed)
         begun, valid, *_ = (latch.literal for latch in machine.latches)
         phases = [(of.bad_start.get(c, FALSE), [x for _, x in p]) for c, p in of.bad.items()]
         lost = g.both(of.lost, of.steps)
@@ -105,7 +112,7 @@ def test_a_run_is_one_of_the_rules_no_more_after_an_illegal_step() -> None:
         of = finite_circuit(seed)
         if of is None:
             continue
-        g, machine, random = of.d.graph, machine_of(of), Random(seed)
+        g, machine, random = of.d.graph, machine_of(of, between=False), Random(seed)
         begun, valid, *others = machine.latches
         free = [x >> 1 for x in (*machine.inputs, *(latch.literal for latch in others))]
         for _ in range(40):
@@ -121,6 +128,93 @@ def test_a_run_is_one_of_the_rules_no_more_after_an_illegal_step() -> None:
             legal += still
             illegal += steps and not still
     assert min(legal, illegal) >= 5
+
+
+def first_bad(machine: TransitionSystem, most: int) -> list[int | None]:
+    """The step from 0 on in which each bad literal can hold first; None if in none up to most."""
+    to = Graph()
+    clauses = Clauses(to, QUICK)
+    found: list[int | None] = [None for _ in machine.bad]
+    state = {latch.literal >> 1: latch.init for latch in machine.latches}
+    for number in range(most + 1):
+        step = Copy(machine.graph, to, f"#{number}", dict(state))
+        for k, (_, literal) in enumerate(machine.bad):
+            if found[k] is None and clauses.solve([clauses.of(step.of(literal))]):
+                found[k] = number
+        state = {latch.literal >> 1: step.of(latch.next) for latch in machine.latches}
+    clauses.close()
+    return found
+
+
+#: So many rounds are looked at for what breaks.
+ROUNDS = 3
+
+
+def test_between_rounds_the_same_claims_break_as_in_rounds() -> None:
+    """[T-ROUND-ENDS]: a state is bad one step after the round; without INIT all is a step sooner.
+
+    So a claim that breaks in round r is bad at the latest in step r + 1, and at the earliest in
+    r - 1, which is r without a step for INIT.
+    """
+    kinds: Counter[str] = Counter()
+    for seed in range(9_000, 9_060):
+        of = finite_circuit(seed)
+        if of is None:
+            continue
+        rounds = first_bad(machine_of(of, between=False), ROUNDS + 2)
+        made = machine_of(of)
+        between = first_bad(made, ROUNDS + 2)
+        for old, new in zip(rounds, between, strict=True):
+            if old is not None and old <= ROUNDS:
+                assert new is not None, seed
+                assert old - 1 <= new <= old + 1, seed
+                kinds["sooner" if new < old else "later" if new > old else "alike"] += 1
+            elif new is not None and new <= ROUNDS:
+                assert old is not None, seed
+            kinds["none"] += old is None
+        has_init = any(latch.name == "begun" for latch in made.latches)
+        kinds["with INIT" if has_init else "without"] += 1
+    assert min(kinds[k] for k in ("alike", "none", "with INIT", "without")) >= 5, kinds
+    assert min(kinds[k] for k in ("sooner", "later")) >= 1, kinds
+
+
+ONE_START = """
+allwrite:
+  bool here = true
+  bool there = false
+Go:
+  pre: here
+  eff:
+    atomic:
+      here = false
+      there = true
+Return:
+  pre: there
+  eff:
+    atomic:
+      here = true
+      there = false
+invariant One: here != there
+invariant Stays: here
+"""
+
+
+@pytest.mark.skipif(abc_of() is None, reason="abc is not installed (Debian: berkeley-abc)")
+def test_latches_start_as_init_leaves_them_for_others_too(tmp_path: Path) -> None:
+    """Were it nowhere at first, as false latches say, abc would find that."""
+    program, path = tmp_path / "one.krd", tmp_path / "one.aig"
+    program.write_text(ONE_START, encoding="utf-8")
+    words = ["verify", str(program), "--robots", "2", "--export", "aiger", "-o", str(path)]
+    for claim, said in (("One", "Property proved"), ("Stays", "was asserted in frame 1")):
+        assert frame.main([*words, "--property", claim]) == Exit.OK
+        written = read_binary(path.read_bytes())
+        assert any(first for _, _, first in written.latches)
+        assert not {"begun", "valid"} & set(written.names.values())
+        abc = abc_of()
+        assert abc is not None
+        command = [abc, "-c", f"read_aiger {path}; pdr"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True)
+        assert said in done.stdout
 
 
 def can(of: Circuit, given: dict[int, bool], goal: int) -> bool:
@@ -158,7 +252,7 @@ def test_vmt_is_well_formed_and_says_the_same() -> None:
         z3.Solver().from_string(text)
         assert text.count(":init true") == text.count(":trans true") == 1
         assert text.count(":invar-property") == len(of.bad)
-        assert text.count(":next") == len(of.latches) + 2
+        assert text.count(":next") == len(machine_of(of).latches)
 
 
 def test_the_command_writes_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import product
 from random import Random
 
-from koord.verify.engines.bits.circuit import Circuit
+from koord.verify.engines.bits.circuit import Circuit, Latch
 from koord.verify.engines.bits.clauses import QUICK, Clauses
 from koord.verify.engines.bits.constraint_selection import narrowed
 from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
@@ -91,6 +92,33 @@ def test_a_choice_that_nothing_allows_is_never_made() -> None:
     assert made.bad == other
     never = SafetyQuery((), TRUE, one ^ 1, FALSE)
     assert with_legal_choices(g, never, (one >> 1,)).steps == TRUE
+
+
+def test_a_constraint_of_many_choices_is_shared_among_them() -> None:
+    """Whoever may choose one of two excludes another's choices: none of the four is free of it."""
+    g = Graph()
+    a, b, c, d = (g.input(name) for name in "abcd")
+    apart = g.both(g.either(a, b), g.either(c, d)) ^ 1
+    latches = tuple(Latch(f"l{x}", g.input(f"l{x}"), FALSE, x) for x in (a, b, c, d))
+    made = with_legal_choices(
+        g, SafetyQuery(latches, TRUE, apart, FALSE), [x >> 1 for x in (a, b, c, d)]
+    )
+    assert made.steps == TRUE
+    for chosen in product((False, True), repeat=4):
+        given = dict(zip((x >> 1 for x in (a, b, c, d)), chosen, strict=True))
+        then = g.values([latch.next for latch in made.latches], given)
+        assert not ((then[0] or then[1]) and (then[2] or then[3]))
+        if g.values([apart], given) == [True]:
+            assert tuple(then) == chosen
+
+
+def test_a_constraint_that_requires_a_choice_is_left() -> None:
+    """Of two that are made together, neither counts as not made."""
+    g = Graph()
+    a, b = g.input("a"), g.input("b")
+    for part in (g.either(a ^ 1, b), g.differ(a, b) ^ 1):
+        made = with_legal_choices(g, SafetyQuery((), TRUE, part, FALSE), [a >> 1, b >> 1])
+        assert made.steps == part
 
 
 def _inputs(g: Graph, made: SafetyQuery) -> list[int]:
