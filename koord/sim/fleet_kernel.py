@@ -22,7 +22,6 @@ from koord.machine.code import BYTES, I1, I64, WORD_BYTES, Code, Ir, new_module,
 from koord.machine.kept import kept
 from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes
 from koord.runtime.motion.arrays import Bools, Floats, Ints
-from koord.runtime.motion.driving import PREDICTIVE_TICKS
 from koord.runtime.motion.group import Group
 from koord.runtime.plugins.calls import PlugInError
 from koord.sim.fleet import Fleet
@@ -50,6 +49,7 @@ _CARS = (
     *("track", "table", "count", "room", "columns", "numbers", "roam", "dt", "bodies"),
     *("command", "steering", "shown", "position", "heading", "speed", "constants", "phase"),
     *("left", "walls", "wall_count", "radius", "state", "reached", "points", "size", "epsilon"),
+    "every",
 )
 
 _PLACE = 3 * DOUBLE_BYTES
@@ -121,7 +121,7 @@ class DronesPart(_Part):
 
 
 class CarsPart(_Part):
-    """A squad of cars under predictive control, which has the floor for itself."""
+    """A squad of cars, which has the floor for itself."""
 
     kind = "cars"
 
@@ -171,6 +171,7 @@ class CarsPart(_Part):
                 *(address_of(self.cars.code), *map(address, of_cars), len(floor.room.walls)),
                 *(address(self._limits), address(automata.state), address(automata.reached)),
                 *(address(routes.points), address(routes.size), address(self._limits) + WORD_BYTES),
+                squad.every,
             ],
             np.int64,
         )
@@ -351,7 +352,7 @@ class _CarsCode(_PartCode):
         with code.loop(word(0), ticks) as tick:
             now_s = self.lanes.get(self.at(self.fleet["times"], tick), 0)
             self.put("constants", word(0), now_s)
-            acts = b.srem(b.add(phase, tick), word(PREDICTIVE_TICKS))
+            acts = b.srem(b.add(phase, tick), of["every"])
             acts = b.zext(b.icmp_signed("==", acts, word(0)), I64)
             sizes = [self.count, of["room"], of["columns"], acts]
             missed = code.called(of["track"], [of["table"], *sizes])

@@ -29,6 +29,13 @@ LANES = (
         (STRIDES,),
     ),
     Mutant(
+        "cars in pursuit are steered at each second tick of strides",
+        "sim.fleet_kernel._CarsCode.ticks",
+        "b.srem(b.add(phase, tick), of['every'])",
+        "b.srem(b.add(phase, tick), word(2))",
+        (STRIDES,),
+    ),
+    Mutant(
         "rounds are kept that machine code is in doubt of",
         "sim.stride_kernel._Stride.round",
         "self.unless(b.icmp_signed('!=', in_doubt, word(0)), undone)",

@@ -243,6 +243,20 @@ SIMULATED = (
         (TRACKED,),
     ),
     Mutant(
+        "cars that go backwards in pursuit look ahead of them in machine code",
+        "sim.vehicles.compiled_tracking._OneCar._pursue",
+        "self.number('heading', self.robot) + self._back()",
+        "self.number('heading', self.robot)",
+        (TRACKED,),
+    ),
+    Mutant(
+        "cars in pursuit aim at the ends of their legs in machine code",
+        "sim.vehicles.compiled_tracking._OneCar._pursue",
+        "ahead.lesser(left)",
+        "left",
+        (TRACKED,),
+    ),
+    Mutant(
         "squads that drive on one floor do not wait for each other",
         "sim.fleet._touch",
         "len(driving) > 1",

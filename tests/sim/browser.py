@@ -13,19 +13,19 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import pytest
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
 #: What the browser is called where it is installed.
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
+#: What is looked at in a browser, where there is one.
+BROWSER = next((path for name in NAMES if (path := shutil.which(name))), None)
+in_a_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
+
 #: How long to wait for the browser, whose time is not ours.
 _PATIENCE_S = 30.0
-
-
-def installed() -> str | None:
-    """The path of a browser, if there is one."""
-    return next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
 class Tab:
@@ -131,10 +131,9 @@ class Tab:
 
 
 @contextmanager
-def browser(
-    path: str, width: int = 1400, height: int = 900, own: str | None = None
-) -> Iterator[Tab]:
+def browser(width: int = 1400, height: int = 900, own: str | None = None) -> Iterator[Tab]:
     """A browser with one empty tab; it ends with the block."""
+    assert BROWSER is not None, "no Chromium is installed"
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         flags = [
             "--headless=new",
@@ -148,7 +147,7 @@ def browser(
             "about:blank",
         ]
         process = subprocess.Popen(
-            [path, *flags], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            [BROWSER, *flags], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
         try:
             with connect(_address(Path(folder), process), max_size=None) as socket:
@@ -165,6 +164,12 @@ def browser(
         finally:
             process.terminate()
             process.wait()
+
+
+def one_tab() -> Iterator[Tab]:
+    """The tab of a browser, as a fixture: ``tab = pytest.fixture(scope="module")(one_tab)``."""
+    with browser() as tab:
+        yield tab
 
 
 def _address(folder: Path, process: subprocess.Popen[bytes]) -> str:

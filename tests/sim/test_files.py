@@ -31,7 +31,7 @@ from koord.sim.run_log import (
     turns_of,
 )
 from tests.sampling import first
-from tests.sim.browser import browser, installed
+from tests.sim.browser import browser, in_a_browser
 from tests.sim.recorded import task
 
 
@@ -235,7 +235,7 @@ def test_labels_of_violations_in_space_do_not_cover_each_other(recording: RunLog
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(installed() is None, reason="needs a browser")
+@in_a_browser
 def test_the_timeline_in_space_leads_to_violations(recording: RunLog, tmp_path: Path) -> None:
     """Marks and list are there, and lead to where the violation is drawn: so do the keys."""
     pytest.importorskip("viser")
@@ -247,7 +247,7 @@ def test_the_timeline_in_space_leads_to_violations(recording: RunLog, tmp_path: 
     again.violations = [one, replace(one, robots=(1, 0)), replace(one, time_s=6.04, words=told)]
     page = tmp_path / "space.html"
     page.write_bytes(space.space_of(again))
-    with browser(installed() or "", own="file:") as tab:
+    with browser(own="file:") as tab:
         tab.open(page.as_uri(), 'Boolean(document.querySelector("#koord-marks"))')
         # Nothing is drawn from here on: without a graphics card that would take most of the time.
         tab.ask("(window.requestAnimationFrame = () => 0)")

@@ -144,11 +144,11 @@ def _states(made: Simulation) -> Iterator[np.ndarray]:
             assert isinstance(squad.vehicles, CompiledCars)
             cars, law = squad.vehicles, squad.tracker
             assert isinstance(law, Driving)
-            assert law.controller is not None
             model, floor = cars.own_model(), cars.floor
             yield from (model.speed, model.steering, floor.bodies, np.array([floor.room.left_m]))
             yield from (squad.command, law.inputs, law.legs.way, law.legs.waited)
-            yield law.controller.kept
+            if law.controller is not None:
+                yield law.controller.kept
             yield np.array([squad.phase])
     yield from (watchman.lingering.at, watchman.lingering.since_s, made.gauge.going.last)
     yield from (made.host.sensed.position, made.host.sensed.short_m, made.host.sensed.state)
@@ -167,6 +167,7 @@ def of_cars(count: int, kinds: str = "car quad", more: str = "", **words: str) -
     lines = ["delta: 0.1", "devices:"]
     lines += ["    car: {bot_type: CAR, planner: RRT_CAR}"]
     lines += ["    shaky: {bot_type: CAR, planner: RRT_CAR, simulation: {noise: {position: 0.01}}}"]
+    lines += ["    quick: {bot_type: CAR, planner: RRT_CAR, simulation: {steering: PURSUIT}}"]
     lines += ["    keen: {bot_type: CAR, planner: RRT_CAR, simulation: {visit: {epsilon: 0.004}}}"]
     lines += ["    wide: {bot_type: CAR, planner: RRT_CAR, simulation: {planning: {takes: 0.05}}}"]
     lines += ["    calm: {bot_type: QUAD, planner: STRAIGHT, simulation: {visit: {epsilon: 0.1}}}"]
@@ -206,6 +207,12 @@ def test_drones_of_several_kinds_stride_with_cars() -> None:
 def test_cars_without_drones_stride_too() -> None:
     _, strides = both(of_cars(3, "car"), 10.0)
     assert strides >= 20
+
+
+def test_cars_in_pursuit_stride_too() -> None:
+    """Their law acts at each tick, and not at each second."""
+    _, strides = both(of_cars(5, "quick quad", LEG="(1.5 + 0.2 * pid)"), 12.0)
+    assert strides >= 60
 
 
 def test_cars_that_may_touch_something_do_not_stride(monkeypatch: pytest.MonkeyPatch) -> None:

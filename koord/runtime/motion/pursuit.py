@@ -15,13 +15,13 @@ from koord.runtime.motion.arrays import Floats, bounded
 from koord.runtime.motion.bodies import Car
 
 #: How far ahead a car looks, in time, and at least.
-_AHEAD_S = 0.5
-_AHEAD_M = 0.35
+AHEAD_S = 0.5
+AHEAD_M = 0.35
 
 
 def look_ahead(speed_mps: Floats) -> Floats:
     """The look-ahead distance along the route, in metres."""
-    return np.maximum(_AHEAD_M, _AHEAD_S * speed_mps)
+    return np.maximum(AHEAD_M, AHEAD_S * speed_mps)
 
 
 def curvature_towards(aim: Floats, position: Floats, course_rad: Floats) -> Floats:

@@ -29,10 +29,9 @@ def squad(setup: SquadSetup) -> WheeledSquad:
     every = PREDICTIVE_TICKS if predicts else 1
     horizon = Horizon(step_s=every * STEPS * STEP_S)
     law = tracker(setup, lambda: Driving(setup.group, steering, horizon, _predictive()))
-    if predicts and is_installed():
+    if isinstance(law, Driving) and is_installed():
         from koord.sim.vehicles.compiled_tracking import TrackedSquad
 
-        assert isinstance(law, Driving)
         return TrackedSquad(setup, vehicles(setup), law)
     return WheeledSquad(setup, vehicles(setup), law, every)
 

@@ -1,9 +1,9 @@
-"""Machine code of the law by which cars under predictive control follow routes, automata and all.
+"""Machine code of the laws by which cars follow routes, automata and all.
 
 What :func:`.automaton.step`, :class:`.Legs` and :class:`.Driving` compute, car by car and in the
-same order of operations, so that commands are equal to the last bit; who is to be steered is put
-to the solver of :mod:`.compiled_driving`, many side by side. So a tick of a squad is one call.
-Tests hold the two together.
+same order of operations, so that commands are equal to the last bit. Under predictive control who
+is to be steered is put to the solver of :mod:`.compiled_driving`, many side by side; in pursuit
+each is steered by itself. So a tick of a squad is one call. Tests hold the two together.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from koord.runtime.motion.driving import (
     Driving,
 )
 from koord.runtime.motion.predictive import ERROR_ROWS, INPUT_ROWS, Problem
+from koord.runtime.motion.pursuit import AHEAD_M, AHEAD_S
 from koord.runtime.motion.routes import WINDOW
 from koord.sim.squads import STEP_S, STEPS, SquadSetup, Wheeled, WheeledSquad
 from koord.sim.vehicles.compiled_automata import (
@@ -51,7 +52,7 @@ from koord.sim.vehicles.compiled_driving import CompiledPredictive, write_solver
 ARRAYS = (
     *("constants", "position", "heading", "velocity", "command", "inputs", "kept"),
     *("legs_way", "waited", "missed", "s", "speed", *AUTOMATA),
-    *("length", "size", "route_s", "speed2", "points", "course", "turn"),
+    *("length", "size", "route_s", "speed2", "points", "tangent", "course", "turn"),
     *("curvature", "leg_end", "way", "going", "told", "held", "found", "who"),
 )
 
@@ -62,22 +63,21 @@ WRITTEN = (*("command", "inputs", "kept", "legs_way", "waited", "missed", "s", "
 _CONSTANTS = (*VISIT, "slowest")
 _SLOWEST_AT = DOUBLE_BYTES * (len(_CONSTANTS) - 1)
 
-#: The law acts so often.
-_EVERY_S = PREDICTIVE_TICKS * STEPS * STEP_S
-
 
 class TrackedSquad(WheeledSquad):
-    """A squad of cars under predictive control, by machine code that is made once in a process.
+    """A squad of cars by machine code that is made once in a process.
 
     It writes over the states of automata and controllers, which are the squad's and nobody else's.
     """
 
     def __init__(self, setup: SquadSetup, vehicles: Wheeled, law: Driving) -> None:
-        super().__init__(setup, vehicles, law, PREDICTIVE_TICKS)
+        super().__init__(setup, vehicles, law, ticks_of(law))
         controller = law.controller
-        assert isinstance(controller, CompiledPredictive)
-        count, width, problem = len(setup.start), widest(), controller.problem
-        self._law, self._kept = law, controller.kept
+        assert controller is None or isinstance(controller, CompiledPredictive)
+        count, width = len(setup.start), widest()
+        problem = None if controller is None else controller.problem
+        self._law = law
+        self._kept: Floats = np.zeros(1) if controller is None else controller.kept
         self.disturbances = setup.model.disturbances
         self._own = OwnAutomata(setup.group)
         self.code = tracking_code(_Kind(law.car, problem, setup.group.routes.pace), width)
@@ -87,8 +87,9 @@ class TrackedSquad(WheeledSquad):
         self._going: Bools = np.zeros(count, np.bool_)
         # Of those who are steered, side by side; lanes of the last register may be left over.
         self.columns = room = -(-count // width) * width
+        told, held = (1, 1) if problem is None else (problem.told_rows, problem.kept_rows)
         self._steered = (
-            *(np.empty((problem.told_rows, room)), np.empty((problem.kept_rows, room))),
+            *(np.empty((told, room)), np.empty((held, room))),
             *(np.empty((INPUT_ROWS, room)), np.empty(room, np.int64)),
         )
 
@@ -100,6 +101,11 @@ class TrackedSquad(WheeledSquad):
         missed = self.code(self._table.address, *sizes, acts)
         if missed:
             group.replan(np.flatnonzero(self._missed).tolist())
+
+    @property
+    def every(self) -> int:
+        """The law acts at each so many-th tick."""
+        return self._every
 
     @property
     def phase(self) -> int:
@@ -129,7 +135,7 @@ class TrackedSquad(WheeledSquad):
         return (
             *(self._command, law.inputs, self._kept, legs.way, legs.waited, self._missed),
             *(group.s, group.speed, *self._own.arrays()),
-            *(routes.length, routes.size, routes.s, routes.speed2, routes.points),
+            *(routes.length, routes.size, routes.s, routes.speed2, routes.points, routes.tangent),
             *(routes.course, routes.turn, routes.curvature, routes.leg_end, routes.way),
             *(self._going, *self._steered),
         )
@@ -138,12 +144,22 @@ class TrackedSquad(WheeledSquad):
 # --- the machine code -----------------------------------------------------------------------------
 
 
+def ticks_of(law: Driving) -> int:
+    """The number of ticks from one command of a law to the next."""
+    return 1 if law.controller is None else PREDICTIVE_TICKS
+
+
 class _Kind(Struct, frozen=True):
-    """The constants of cars of one kind, and of their routes."""
+    """The constants of cars of one kind, and of their routes; those in pursuit have no problem."""
 
     car: Car
-    problem: Problem
+    problem: Problem | None
     pace: Pace
+
+    @property
+    def every_s(self) -> float:
+        """From one command to the next."""
+        return (1 if self.problem is None else PREDICTIVE_TICKS) * STEPS * STEP_S
 
 
 @cache
@@ -159,7 +175,8 @@ def tracking_code(kind: _Kind, width: int) -> Callable[..., int]:
 
 def _tracking(kind: _Kind, width: int) -> Ir:
     module = new_module("tracking")
-    solver = write_solver(module, kind.problem, width)
+    problem = kind.problem
+    solver = None if problem is None else write_solver(module, problem, width)
     code = Code(module, "track", [BYTES, *[I64] * 4], I64)
     table, count, room, columns, acts = code.arguments
     b = code.b
@@ -182,19 +199,21 @@ def _tracking(kind: _Kind, width: int) -> Ir:
         with code.only_if(acts):
             now.decide(steered)
     with code.only_if(acts):
-        some = b.load(steered)
-        with code.only_if(b.icmp_signed(">", some, word(0))):
-            last = b.sub(some, word(1))
-            wide = b.mul(b.udiv(b.add(last, word(width)), word(width)), word(width))
-            with code.loop(some, wide) as column:  # lanes that are left over are the first car's
-                for name in ("told", "held"):
-                    _copy_first(code, arrays[name], columns, column, _rows(kind.problem, name))
-            blocks = (arrays[name] for name in ("told", "held", "found"))
-            slowest = code.at(arrays["constants"], _SLOWEST_AT)
-            b.call(solver, [slowest, *blocks, wide, columns])
-        with code.loop(word(0), some) as column:
-            who = code.get(arrays["who"], b.mul(column, word(DOUBLE_BYTES)), I64)
-            one(who).take(column)
+        if problem is not None:
+            some = b.load(steered)
+            with code.only_if(b.icmp_signed(">", some, word(0))):
+                last = b.sub(some, word(1))
+                wide = b.mul(b.udiv(b.add(last, word(width)), word(width)), word(width))
+                # Lanes that are left over are the first car's.
+                with code.loop(some, wide) as column:
+                    for name in ("told", "held"):
+                        _copy_first(code, arrays[name], columns, column, _rows(problem, name))
+                blocks = (arrays[name] for name in ("told", "held", "found"))
+                slowest = code.at(arrays["constants"], _SLOWEST_AT)
+                b.call(solver, [slowest, *blocks, wide, columns])
+            with code.loop(word(0), some) as column:
+                who = code.get(arrays["who"], b.mul(column, word(DOUBLE_BYTES)), I64)
+                one(who).take(column, problem)
         with code.loop(word(0), count) as robot:
             b.store(b.add(b.load(missed), one(robot).send()), missed)
     b.ret(b.load(missed))
@@ -255,16 +274,20 @@ class _OneCar(OneRobot):
                     self.put("inputs", self._input(1), right)
                 with self.code.only_if(b.not_(turning)):
                     self.keep("going", constant(I1, 1))
-                    column = b.load(steered)
-                    b.store(b.add(column, word(1)), steered)
-                    self._put_beside(column)
-                    self._predict(column, s, k, left)
+                    problem = self.kind.problem
+                    if problem is None:
+                        self._pursue(s, k, left)
+                    else:
+                        column = b.load(steered)
+                        b.store(b.add(column, word(1)), steered)
+                        self._put_beside(column, problem)
+                        self._predict(column, s, k, left, problem)
 
-    def take(self, column: Ir) -> None:
+    def take(self, column: Ir, problem: Problem) -> None:
         """Take the inputs that the solver has found, and keep what belongs to them."""
         for row in range(INPUT_ROWS):
             self.put("inputs", self._input(row), self._beside("found", word(row), column))
-        with self.code.loop(word(0), word(self.kind.problem.kept_rows)) as row:
+        with self.code.loop(word(0), word(problem.kept_rows)) as row:
             self.put("kept", self._kept_at(row), self._beside("held", row, column))
 
     def send(self) -> Ir:
@@ -274,12 +297,13 @@ class _OneCar(OneRobot):
         measured = self.number("since_s", self.robot).is_at_most(math.inf)
         there = b.or_(self.truth("reached"), measured)
         stuck = b.and_(b.and_(self._drives(), b.not_(going)), b.not_(there))
-        waited = self.number("waited", self.robot) + _EVERY_S
+        every_s = self.kind.every_s
+        waited = self.number("waited", self.robot) + every_s
         waited = self.either(stuck, waited, zero)
         missed = self.lanes.constant(MISSED_S).is_at_most(waited)
         self.put("waited", self.robot, self.either(missed, zero, waited))
         self.keep("missed", missed)
-        slowest = self._pace_now() - self.kind.car.accel_mps2 * _EVERY_S
+        slowest = self._pace_now() - self.kind.car.accel_mps2 * every_s
         speed = self.number("inputs", self._input(0))
         self.put("speed", self.robot, self.either(going, speed, zero))
         speed = self.either(going, speed, slowest.greater(0.0))
@@ -303,32 +327,66 @@ class _OneCar(OneRobot):
 
     def _turns_wheels(self, s: Lane, k: Ir) -> tuple[Ir, Lane]:
         """Whether the wheels are turned first, and how far, as ``Driving._turn_wheels``."""
-        b, car = self.code.b, self.kind.car
+        b = self.code.b
         is_first = b.icmp_signed("==", k, word(0))
         before = b.select(is_first, k, b.sub(k, word(1)))
         begins = self._of("leg_end", before).is_below(self._of("leg_end", k))
         first = b.or_(is_first, begins)
         still = b.and_(self._stands(), (s - self._of("route_s", k)).is_below(BEGUN_M))
-        bend = self._at(s, k).curvature
-        most = math.tan(car.steering_rad)
-        slope = self.number("legs_way", self.robot) * car.wheelbase_m * bend
-        right = arc_tangent(slope.greater(-most).lesser(most))
-        right = right.greater(-car.steering_rad).lesser(car.steering_rad)
+        right = self._steering(self._at(s, k).curvature)
         off = (self.number("inputs", self._input(1)) - right).signed_as(self.lanes.constant(1.0))
         wrong = self.lanes.constant(WHEELS_RAD).is_below(off)
         return b.and_(b.and_(first, still), wrong), right
 
-    def _put_beside(self, column: Ir) -> None:
+    def _steering(self, bend: Lane) -> Lane:
+        """The steering angle for a curvature, as ``pursuit.steering``."""
+        car = self.kind.car
+        most = math.tan(car.steering_rad)
+        slope = self.number("legs_way", self.robot) * car.wheelbase_m * bend
+        angle: Lane = arc_tangent(slope.greater(-most).lesser(most))
+        return angle.greater(-car.steering_rad).lesser(car.steering_rad)
+
+    def _back(self) -> Lane:
+        """What is added to the course of the route where the car drives backwards."""
+        zero = self.lanes.constant(0.0)
+        is_back = self.number("legs_way", self.robot).is_below(0.0)
+        return self.either(is_back, self.lanes.constant(math.pi), zero)
+
+    def _pursue(self, s: Lane, k: Ir, left: Lane) -> None:
+        """Set speed and steering angle, as ``Driving._pursue``."""
+        pace, every_s = self.kind.pace, self.kind.every_s
+        last = self.number("inputs", self._input(0))
+        there = (s + last * every_s).lesser(s + left)
+        speed = self._at(there, self._segment(there, k)).speed_mps
+        speed = speed.lesser(last + pace.accel_mps2 * every_s).greater(CREEP_MPS)
+        ahead = (speed * AHEAD_S).greater(AHEAD_M)
+        there = s + ahead.lesser(left) - 1e-9
+        place = self._segment(there, k)
+        spot = self._at(there, place)
+        beyond = (ahead - left).greater(0.0)
+        along_x, along_y, _ = self.three("tangent", self._row(place))
+        x = spot.x + beyond * along_x - self.position[0]
+        y = spot.y + beyond * along_y - self.position[1]
+        distance = (x * x + y * y).sqrt().greater(1e-6)
+        sine, cosine = sine_cosine(self.number("heading", self.robot) + self._back())
+        in_front, aside = cosine * x + sine * y, cosine * y - sine * x
+        zero, one = self.lanes.constant(0.0), self.lanes.constant(1.0)
+        abeam = self.either(aside.is_below(0.0), -one, one)
+        share = self.either(zero.is_at_most(in_front), aside / distance, abeam)
+        self.put("inputs", self._input(0), speed)
+        self.put("inputs", self._input(1), self._steering(2.0 * share / distance))
+
+    def _put_beside(self, column: Ir, problem: Problem) -> None:
         """Put what is kept of the last answer beside that of others who are steered."""
         at = self.code.b.mul(column, word(DOUBLE_BYTES))
         self.code.put(self.arrays["who"], at, self.robot)
-        with self.code.loop(word(0), word(self.kind.problem.kept_rows)) as row:
+        with self.code.loop(word(0), word(problem.kept_rows)) as row:
             self._set_beside("held", row, column, self.number("kept", self._kept_at(row)))
 
-    def _predict(self, column: Ir, s: Lane, k: Ir, left: Lane) -> None:
+    def _predict(self, column: Ir, s: Lane, k: Ir, left: Lane, problem: Problem) -> None:
         """Tell the solver what is ahead, as ``Driving._predict``."""
         b, code, pace = self.code.b, self.code, self.kind.pace
-        steps, dt = self.kind.problem.horizon.steps, self.kind.problem.horizon.step_s
+        steps, dt = problem.horizon.steps, problem.horizon.step_s
         accel = pace.accel_mps2
 
         def tell(row: Ir | int, value: Lane) -> None:
@@ -349,10 +407,7 @@ class _OneCar(OneRobot):
         tell(ERROR_ROWS + steps, spot.curvature)
         sine, cosine = sine_cosine(spot.course)
         gap_x, gap_y = self.position[0] - spot.x, self.position[1] - spot.y
-        back = self.either(
-            way.is_below(0.0), self.lanes.constant(math.pi), self.lanes.constant(0.0)
-        )
-        turned = unwound(self.number("heading", self.robot) - (spot.course + back))
+        turned = unwound(self.number("heading", self.robot) - (spot.course + self._back()))
         for row, error in enumerate(
             (self.lanes.constant(0.0), cosine * gap_y - sine * gap_x, turned)
         ):
