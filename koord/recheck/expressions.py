@@ -31,9 +31,6 @@ from koord.syntax.walk import nodes
 def answer(body: RunningBody, e: core.ExternalCall) -> Value:
     """An answer that the summary allows; equal for equal arguments. [EXTERNAL]"""
     function = body.world.program.external(e.function)
-    if any(contains(v.type, MapType) for v in (function.result, *function.parameters)):
-        # What is supposed of all maps would be supposed of those that are none.
-        raise NotRecheckedError("external functions of maps are not rechecked", e.span)
     arguments = [body.value(argument) for argument in e.arguments]
     pairs = list(zip(arguments, function.parameters, strict=True))
     result = function.result.type
@@ -84,10 +81,12 @@ def _promise_always(asking: RunningBody, function: core.External) -> bool:
     """Assert the summary for all arguments, if the number of robots is open; return whether.
 
     A mathematical function keeps it for all arguments, asked for or not. [EXTERNAL] Not where
-    one is a list that is looked into: there it is supposed of each question.
+    one is a list that is looked into, or a map: there it is supposed of each question. Of all maps
+    it would be supposed of those that are none, which may contradict it.
     """
     v = asking.v
-    if v.robots is not None or any(_is_long(p.type, v) for p in function.parameters):
+    types = [p.type for p in function.parameters]
+    if v.robots is not None or any(_is_long(one, v) or contains(one, MapType) for one in types):
         return False
     if function.name not in v.promised:
         v.promised.add(function.name)

@@ -25,8 +25,7 @@ def count(v: Sorts, value: Term, type_: MapType) -> Term:
 
 def has(v: Sorts, value: Term, key: Value, type_: MapType) -> Term:
     """The condition that a map has a key."""
-    found = _found(v, value, key, type_)
-    return v.t.op(f"(_ is {part_name(type_, 'some')})", [found], BOOL)
+    return _is_some(v, _found(v, value, key, type_), type_)
 
 
 def at(v: Sorts, value: Term, key: Value, type_: MapType) -> Value:
@@ -50,6 +49,17 @@ def without(v: Sorts, value: Term, key: Value, type_: MapType) -> Term:
     return _made(v, type_, _stored(v, value, key, _none(v, type_), type_), fewer)
 
 
+def overwritten(v: Sorts, old: Term, new: Term, type_: MapType) -> Term:
+    """The map with the entries of another, where they count.
+
+    What it has under a key is worked out where that is asked: solvers do without a quantifier. Of
+    how many keys it has nothing is known.
+    """
+    name, sort = part_name(type_, "overwritten"), v.sort(type_)
+    v.declare(name, f"(declare-fun {name} ({sort} {sort}) {sort})")
+    return v.t.op(name, [old, new], sort)
+
+
 def bounds(v: Sorts, value: Term, type_: MapType) -> Term:
     """The facts that hold of any map."""
     return v.t.at_most(v.t.integer(0), count(v, value, type_))
@@ -65,8 +75,20 @@ def _entries(v: Sorts, value: Term, type_: MapType) -> Term:
 
 
 def _found(v: Sorts, value: Term, key: Value, type_: MapType) -> Term:
+    """The optional value under a key."""
+    if value.head == part_name(type_, "overwritten"):
+        old, new = (_found(v, one, key, type_) for one in value.args)
+        return v.t.ite(_is_some(v, new, type_), new, old)
+    if value.head == "ite":
+        condition, then, otherwise = value.args
+        branches = (_found(v, one, key, type_) for one in (then, otherwise))
+        return v.t.ite(condition, *branches)
     packed = v.pack(key, type_.key)
     return v.t.op("select", [_entries(v, value, type_), packed], entry_sort(type_))
+
+
+def _is_some(v: Sorts, found: Term, type_: MapType) -> Term:
+    return v.t.op(f"(_ is {part_name(type_, 'some')})", [found], BOOL)
 
 
 def _stored(v: Sorts, value: Term, key: Value, entry: Term, type_: MapType) -> Term:

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from typing import assert_never
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
-from koord.recheck import expressions, places, sums
+from koord.recheck import expressions, maps, places, sums
 from koord.recheck.body import RunningBody
 from koord.recheck.sorts import Family, NotRecheckedError, Value
 from koord.recheck.storage import Cell, Frame, Many, Memory, Storage
@@ -24,6 +25,7 @@ from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.source import Span
 from koord.syntax.types import INT as INTEGER
+from koord.syntax.types import MapType
 from koord.syntax.walk import statements, written
 
 #: What the body of such a loop may consist of.
@@ -337,6 +339,9 @@ def execute(body: RunningBody, s: core.Stmt) -> None:
                 zero = t.integer(0)
                 LoopTerms(body, zero, body.v.count, s.value, (over, s.key), s.body, s.span).run()
                 return
+            if (target := _filled(s)) is not None:
+                _take_over(body, target, over)
+                return
             items = body.items(over, s.span)
             numbered = [(t.integer(k), item) for k, item in enumerate(items)]
             go_through(body, numbered, s.key, s.value, s.body)
@@ -375,6 +380,46 @@ def execute(body: RunningBody, s: core.Stmt) -> None:
 def is_open(body: RunningBody, bound: core.Expr) -> bool:
     """Return whether a loop's bound is not constant, as the number of robots is open."""
     return body.v.robots is None and body.condition(bound).value is None
+
+
+def _filled(loop: core.ForEach) -> core.Place | None:
+    """The map that takes all entries of another over; None if a loop does anything else.
+
+    That is ``for k, x in other: map[k] = x``, where the map is nobody else's.
+    """
+    match loop:
+        case core.ForEach(
+            key=key,
+            value=value,
+            sequence=sequence,
+            body=(
+                core.Assign(
+                    place=core.Place(
+                        variable=core.Variable(home=Home.BOUND | Home.LOCAL) as into,
+                        steps=(
+                            core.KeyStep(key=core.Read(place=core.Place(variable=at, steps=()))),
+                        ),
+                        robot=None,
+                    ) as place,
+                    value=core.Read(place=core.Place(variable=put, steps=())),
+                ),
+            ),
+        ) if (at, put, into.type) == (key, value, sequence.type):
+            return replace(place, steps=())
+        case _:
+            return None
+
+
+def _take_over(body: RunningBody, target: core.Place, entries: Value) -> None:
+    """Put all entries of a map into another, where they overwrite what is there. [S-FOREACH]
+
+    No key comes twice, so their order tells nothing.
+    """
+    type_, old = target.variable.type, places.read(body, target)
+    assert isinstance(type_, MapType)
+    assert isinstance(old, Term)
+    assert isinstance(entries, Term)
+    places.assign(body, target, maps.overwritten(body.v, old, entries, type_))
 
 
 def go_through(

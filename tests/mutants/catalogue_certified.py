@@ -92,9 +92,23 @@ CERTIFIED = (
     ),
     Mutant(
         "every key is in a map",
-        "recheck.maps.has",
+        "recheck.maps._is_some",
         "v.t.op(f\"(_ is {part_name(type_, 'some')})\", [found], BOOL)",
         "v.t.equal(found, found)",
+        (MAPS,),
+    ),
+    Mutant(
+        "of two maps the entries of the first count",
+        "recheck.maps._found",
+        "v.t.ite(_is_some(v, new, type_), new, old)",
+        "v.t.ite(_is_some(v, old, type_), old, new)",
+        (MAPS,),
+    ),
+    Mutant(
+        "a loop that changes entries of a map takes them over",
+        "recheck.statements._filled",
+        "(at, put, into.type) == (key, value, sequence.type)",
+        "(at, into.type) == (key, sequence.type)",
         (MAPS,),
     ),
     Mutant(

@@ -135,3 +135,94 @@ invariant Noted: forall i: here@i implies contains(came, i)
     document = made(text, KINDS, None)
     assert "no lost update of came" in [c["name"] for c in document["claims"]]
     assert rechecked(document).outcome is RecheckOutcome.CONFIRMED
+
+
+MERGED = """
+def fun isWall(int cell) -> bool: extern
+
+def fun look(int place) -> Map<int, bool>: extern
+    ensures: forall c in 0, 1: contains(result, c) implies result[c] == isWall(c)
+
+def fun both(Map<int, bool> old, Map<int, bool> new) -> Map<int, bool>:
+    Map<int, bool> all = old
+    for cell, occupied in new:
+        all[cell] = occupied
+    return all
+
+allwrite:
+    Map<int, bool> known = {}
+local:
+    Map<int, bool> seen = {}
+
+Look:
+    pre: true
+    eff:
+        seen = look(pid)
+        atomic:
+            known = both(known, seen)
+
+invariant Right: forall c in 0, 1: contains(known, c) implies known[c] == isWall(c)
+invariant Kept:
+    forall i: forall c in 0, 2:
+        ran(Look)@i and contains(seen@i, c)
+            implies contains(known, c) and known[c] == seen@i[c]
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "outcome"),
+    [
+        ("", "", RecheckOutcome.CONFIRMED),
+        pytest.param("in new:", "in old:", RecheckOutcome.REFUTED, marks=pytest.mark.slow),
+        ("all = old", "all = new", RecheckOutcome.CONFIRMED),
+        ("both(known, seen)", "both(seen, known)", RecheckOutcome.REFUTED),
+        pytest.param("return all", "return old", RecheckOutcome.REFUTED, marks=pytest.mark.slow),
+        pytest.param(
+            "== isWall(c)\n\ndef",
+            "!= isWall(c)\n\ndef",
+            RecheckOutcome.REFUTED,
+            marks=pytest.mark.slow,
+        ),
+        ("all[cell] = occupied", "all[cell] = not occupied", RecheckOutcome.UNKNOWN),
+        (
+            "    for cell, occupied in new:\n        all[cell] = occupied\n",
+            "    bool no = false\n    for cell, occupied in new:\n        all[cell] = no\n",
+            RecheckOutcome.UNKNOWN,
+        ),
+    ],
+)
+def test_maps_of_external_functions_are_merged(old: str, new: str, outcome: RecheckOutcome) -> None:
+    """[S-FOREACH] [EXTERNAL]"""
+    document = made(MERGED, KINDS, None)
+    with_text(document, old, new)
+    found = rechecked(document)
+    assert found.outcome is outcome, found.reason
+
+
+#: What the summary says is so of all maps. Of an array with an entry, and no keys, it cannot be.
+ASKED = """
+def fun holds(Map<int, bool> m) -> bool: extern
+    ensures: result == contains(m, 0) and (result implies length(m) > 0)
+
+allwrite:
+    Map<int, bool> m = {}
+    int n = 0
+
+Ask:
+    pre: true
+    eff:
+        atomic:
+            m[pid + 1] = true
+            if not holds(m):
+                n = 1
+
+invariant Never: n == 0 or n == 1
+"""
+
+
+def test_what_is_supposed_of_all_maps_is_not_supposed_of_what_is_none() -> None:
+    """[EXTERNAL]"""
+    document = made(ASKED, KINDS, None)
+    assert rechecked(document).outcome is RecheckOutcome.CONFIRMED
+    with_text(document, "n = 1\n", "n = 2\n")
+    assert rechecked(document).outcome is RecheckOutcome.REFUTED
