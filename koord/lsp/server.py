@@ -11,6 +11,7 @@ import asyncio
 import gc
 import logging
 import os
+import re
 import tempfile
 import threading
 from collections.abc import Callable, Mapping
@@ -19,11 +20,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
+from cattrs import ClassValidationError, transform_error
 from lsprotocol import types
 from msgspec import Struct, to_builtins
 from pygls.exceptions import FeatureRequestError, JsonRpcException, JsonRpcInvalidParams
 from pygls.lsp.server import LanguageServer
 from pygls.protocol import LanguageServerProtocol, lsp_method
+from pygls.protocol.json_rpc import MsgId
 from pygls.uris import to_fs_path
 
 from koord.api.editing import Document, Source, Span, SymbolKind, document, normalise
@@ -97,13 +100,42 @@ class Shown(Struct, frozen=True, rename="camel"):
     stale: bool
 
 
-class KoordProtocol(LanguageServerProtocol):
-    """The protocol, with texts kept by the server alone.
+class Misread(Struct, frozen=True):
+    """A request that has not the form of its method, and why."""
 
-    pygls keeps texts, too, whose lines end where Python's do: changes then are in other places.
+    id: MsgId
+    reason: str
+
+
+class KoordProtocol(LanguageServerProtocol):
+    """The protocol, with texts kept by the server alone, and with an answer to every request.
+
+    pygls keeps texts, too, whose lines end where Python's do: changes then are in other places. It
+    answers nothing to requests that it cannot read, for which a client then waits for ever.
     """
 
     _server: KoordServer
+
+    def structure_message(self, data: dict[str, Any]) -> Any:
+        """A message in its form; a request that cannot be read is :class:`Misread`."""
+        try:
+            return super().structure_message(data)
+        except JsonRpcException as error:
+            if "id" not in data or "method" not in data:
+                raise
+            cause = error.__cause__
+            reasons = transform_error(cause) if isinstance(cause, ClassValidationError) else [cause]
+            reason = "; ".join(map(str, reasons))
+            # names as the protocol has them
+            return Misread(data["id"], re.sub(r"_([a-z])", lambda at: at[1].upper(), reason))
+
+    def handle_message(self, message: Any) -> None:
+        """Take a message up; one that cannot be read is answered by why."""
+        if isinstance(message, Misread):
+            error = JsonRpcInvalidParams(message.reason).to_response_error()
+            self._send_response(message.id, error=error)
+        else:
+            super().handle_message(message)
 
     @lsp_method(types.TEXT_DOCUMENT_DID_OPEN)
     def lsp_text_document__did_open(self, params: types.DidOpenTextDocumentParams) -> None:

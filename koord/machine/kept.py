@@ -17,12 +17,12 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-import numpy as np
 from msgspec import Struct
 
 from koord.machine.processor import processor
 from koord.stores.folder import FileForm, FolderStore, is_switched_off, usual_folder
 
+# `koord cache` and `koord doctor` look at the store where there is no NumPy, too.
 if TYPE_CHECKING:
     from koord.machine.code import Ir
 
@@ -176,6 +176,8 @@ class _ForeignError(Exception):
 
 def _put(whole: Any, value: object) -> None:
     """Hash a value, with its kind and length, so that no two look alike."""
+    import numpy as np
+
     parts: tuple[object, ...] = ()
     match value:
         case None | bool() | int() | float():
@@ -204,6 +206,8 @@ def _put(whole: Any, value: object) -> None:
 @cache
 def _surroundings() -> Any:
     """The hash of what all machine code is made of: this Python, the processor, and our files."""
+    import numpy as np
+
     from koord.machine.code import compiler
 
     whole = sha256()

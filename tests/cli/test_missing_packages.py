@@ -71,6 +71,42 @@ WITHOUT = (
     "import sys; sys.modules[sys.argv.pop(1)] = None; from koord.cli.main import entry; entry()"
 )
 
+#: What extras bring: those modules that koord imports itself.
+GONE = (
+    "asyncssh cflib cryptography cvc5 cyclonedds distributed llvmlite matplotlib mcap mujoco numpy"
+    " ompl pyarrow pygls pymap3d pymavlink pymunk pynmea2 rerun rosbags scipy shapely shtab viser"
+    " websockets zenoh"
+)
+
+#: Koord alone: no package of an extra can be imported.
+ALONE = """
+import sys
+from importlib.machinery import PathFinder
+gone = set(sys.argv.pop(1).split())
+class Finder(PathFinder):
+    @classmethod
+    def find_spec(cls, name, path=None, target=None):
+        return None if name.split(".")[0] in gone else PathFinder.find_spec(name, path, target)
+sys.meta_path[:] = [Finder if one is PathFinder else one for one in sys.meta_path]
+from koord.cli.main import entry
+entry()
+"""
+
+
+@pytest.mark.parametrize("words", first(1, ["doctor", "cache", "drivers"]))
+def test_koord_alone_tells_of_itself(words: str, tmp_path: Path) -> None:
+    """Whoever has no extra asks what there is: that answer needs none."""
+    done = subprocess.run(
+        [sys.executable, "-c", ALONE, GONE, words],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "KOORD_CACHE": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (Exit.OK, "")
+    assert done.stdout
+
+
 #: Those of a default run; tests/test_readme.py has others.
 OFTEN = ("ompl of sim", "mcap of deploy", "zenoh")
 

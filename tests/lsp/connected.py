@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import AsyncIterator, Coroutine
+from concurrent.futures import Future
 from contextlib import asynccontextmanager
 from threading import Event
 from typing import Any, TypeVar
@@ -98,6 +100,15 @@ class Editor:
         self.version += 1
         here = types.VersionedTextDocumentIdentifier(self.version, URI)
         self.client.text_document_did_change(types.DidChangeTextDocumentParams(here, list(changes)))
+
+    async def raw(self, method: str, params: Any) -> Any:
+        """Send a request as it is given, whether or not it has the form of its method."""
+        protocol, answer = self.client.protocol, Future[Any]()
+        protocol._request_futures["raw"] = answer
+        body = json.dumps({"jsonrpc": "2.0", "id": "raw", "method": method, "params": params})
+        assert protocol.writer is not None
+        protocol.writer.write(f"Content-Length: {len(body)}\r\n\r\n{body}".encode())
+        return await asyncio.wrap_future(answer)
 
     async def checked(self) -> list[types.Diagnostic]:
         """What is wrong with the newest text."""

@@ -234,6 +234,24 @@ def test_what_is_wrong_with_a_request_is_an_answer() -> None:
     run(work())
 
 
+def test_a_request_that_cannot_be_read_is_answered_by_why() -> None:
+    """A client that hears nothing would wait for ever."""
+
+    async def work() -> None:
+        async with connected(NEVER) as editor:
+            editor.open("local:\n  int x = 0\n")
+            for method, given, reason in (
+                ("formatting", {"textDocument": {"uri": URI}, "options": {}}, "tabSize"),
+                ("hover", {"textDocument": {"uri": URI}}, "position"),
+                ("hover", {"textDocument": 5, "position": None}, "textDocument"),
+            ):
+                with pytest.raises(JsonRpcException, match=reason):
+                    await editor.raw(f"textDocument/{method}", given)
+            assert [found.code for found in await editor.checked()] == ["K403"]
+
+    run(work())
+
+
 def test_wrong_settings_are_told_and_the_others_stay() -> None:
     async def work() -> None:
         async with connected({"verify": {"on": "sometimes"}}) as editor:

@@ -78,6 +78,13 @@ EDITORS = (
         ("tests/lsp/test_program_files.py",),
     ),
     Mutant(
+        "a request that cannot be read is left without an answer",
+        "lsp.server.KoordProtocol.handle_message",
+        "self._send_response(message.id, error=error)",
+        "pass",
+        ("tests/lsp/test_server.py",),
+    ),
+    Mutant(
         "browsers have processes",
         "verify.processes.can_fork",
         "sys.platform != 'emscripten'",
