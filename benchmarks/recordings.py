@@ -94,14 +94,13 @@ def frames(robots: int, seconds: float) -> dict[str, Any]:
     import tempfile
 
     from koord.sim.viewing import page_of
-    from tests.sim.browser import browser, installed
+    from tests.sim.browser import BROWSER, browser
     from tests.sim.test_page import circling
 
-    path = installed()
-    if path is None:
+    if BROWSER is None:
         return {}
     page = page_of(circling(robots, 60.0))
-    with tempfile.TemporaryDirectory() as folder, browser(path) as tab:
+    with tempfile.TemporaryDirectory() as folder, browser() as tab:
         file = Path(folder) / "run.html"
         file.write_bytes(page)
         tab.open(file.as_uri())

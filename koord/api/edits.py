@@ -56,12 +56,27 @@ def edit_of(request: FitRequest, source: Source, properties: tuple[Source, ...])
         return Edit(sources, None, None, error.diagnostics)
 
 
+class _PutBack:
+    """An edit that was put back: it is agreed to when it comes again as it was."""
+
+    def __init__(self) -> None:
+        self._edit: Edit | None = None
+
+    def put(self, edit: Edit) -> None:
+        self._edit = edit
+
+    def agreed(self, sources: tuple[Source, ...]) -> Edit | None:
+        """The edit if it has these sources; it is forgotten in any case."""
+        edit, self._edit = self._edit, None
+        return None if edit is None or edit.sources != sources else replace(edit, agreed=True)
+
+
 class ListedEdits:
     """Edits as data: texts by the rounds before which they are there."""
 
     def __init__(self, request: FitRequest, texts: Iterable[tuple[int, str]]) -> None:
         self._request, self._texts = request, sorted(texts)
-        self._back: Edit | None = None
+        self._back = _PutBack()
 
     def take(self, round_: int) -> Edit | None:
         text: str | None = None
@@ -70,13 +85,11 @@ class ListedEdits:
         if text is None:
             return None
         source = replace(self._request.source, text=text)
-        back, self._back = self._back, None
-        if back is not None and back.sources[0] == source:
-            return replace(back, agreed=True)
-        return edit_of(self._request, source, self._request.properties)
+        agreed = self._back.agreed((source, *self._request.properties))
+        return agreed or edit_of(self._request, source, self._request.properties)
 
     def put_back(self, edit: Edit) -> None:
-        self._back = edit
+        self._back.put(edit)
 
 
 class FileEdits:
@@ -90,7 +103,7 @@ class FileEdits:
         self._before: list[Stamp] | None = []  # what was saved since they were read counts
         self._lock, self._over = threading.Lock(), threading.Event()
         self._edit: Edit | None = None
-        self._back: Edit | None = None
+        self._back = _PutBack()
         self._texts = (request.source, *request.properties)
         self._thread = threading.Thread(target=self._watch, name="edits", daemon=True)
 
@@ -109,7 +122,7 @@ class FileEdits:
 
     def put_back(self, edit: Edit) -> None:
         with self._lock:
-            self._back = edit
+            self._back.put(edit)
 
     def look(self) -> None:
         """Look whether the files have changed, and compile them if so."""
@@ -123,13 +136,10 @@ class FileEdits:
             edit = Edit(self._texts, None, None, error.diagnostics)
         else:
             with self._lock:
-                back, self._back = self._back, None
-            if texts == self._texts:  # saved as it was
-                if back is None:
-                    return
-                edit = replace(back, agreed=True)
-            else:
-                edit = edit_of(self._request, texts[0], texts[1:])
+                agreed = self._back.agreed(texts)
+            if agreed is None and texts == self._texts:  # saved as it was
+                return
+            edit = agreed or edit_of(self._request, texts[0], texts[1:])
             self._texts = texts
         with self._lock:
             self._edit = edit

@@ -81,7 +81,7 @@ def program_files(path: Path, text: str, opened: OpenTexts) -> ProgramFiles:
             return ProgramFiles(Source(path.name, normalise(text)))
         text = found
     said = _said(text)
-    files = [Path(os.path.normpath(path.parent / name)) for name in said.files]
+    files = [beside(path, name) for name in said.files]
     if not files and folder.only_program() == main:
         files = folder.properties()
     return ProgramFiles(
@@ -90,6 +90,11 @@ def program_files(path: Path, text: str, opened: OpenTexts) -> ProgramFiles:
         tuple(folder.sources(sorted(main.parent.glob(f"{escape(main.stem)}*.yaml")))),
         dict(said.params),
     )
+
+
+def beside(path: Path, name: str) -> Path:
+    """The file of a name that is seen from the folder of another file."""
+    return Path(os.path.normpath(path.parent / name))
 
 
 class _Folder:
@@ -123,7 +128,7 @@ class _Folder:
         if not is_of_properties(text):
             return path
         for other, said in self._programs():
-            if any(os.path.normpath(self.folder / name) == str(path) for name in said.files):
+            if any(beside(other, name) == path for name in said.files):
                 return other
         return self.only_program() or path
 

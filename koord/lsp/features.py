@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -368,6 +367,6 @@ def code_actions(
     return actions
 
 
-def file_name(path: str | None, uri: str) -> str:
-    """The name of a document's file, for messages and traces."""
-    return os.path.basename(path or "") or uri.rpartition("/")[2] or "program.krd"
+def file_name(uri: str) -> str:
+    """The name of a document without a file, for messages and traces."""
+    return uri.rpartition("/")[2] or "program.krd"

@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
-import os
 import re
 import tempfile
 import threading
@@ -31,7 +30,7 @@ from pygls.uris import to_fs_path
 
 from koord.api.editing import Document, Source, Span, SymbolKind, document, normalise
 from koord.api.html import html
-from koord.api.program_files import program_files
+from koord.api.program_files import beside, program_files
 from koord.api.run_texts import run_text
 from koord.api.verdict_marks import MarkKind, VerdictMark
 from koord.lsp import features
@@ -222,7 +221,7 @@ class KoordServer(LanguageServer):
         if text.path is not None:
             known = {other.path: other.uri for other in self.texts.values()}
             for source in of.files:
-                path = Path(os.path.normpath(text.path.parent / source.name))
+                path = beside(text.path, source.name)
                 others.append((source, known.get(path) or path.as_uri()))
         return Places(of.source, self.encoding, text.uri, others)
 
@@ -495,7 +494,7 @@ def _read(
 ) -> tuple[Document, Path | None]:
     """A text as a part of its program, and the program's own file."""
     if path is None:
-        return document(Source(features.file_name(None, uri), normalise(text))), None
+        return document(Source(features.file_name(uri), normalise(text))), None
     files = program_files(path, text, opened.get)
     found = document(
         files.main,
@@ -509,7 +508,7 @@ def _read(
 
 def _paths(found: Document, path: Path) -> frozenset[Path]:
     """The files of a document's program."""
-    return frozenset(Path(os.path.normpath(path.parent / file.name)) for file in found.files)
+    return frozenset(beside(path, file.name) for file in found.files)
 
 
 def _key(text: OpenText) -> Path | str:

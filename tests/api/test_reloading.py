@@ -154,6 +154,12 @@ def test_a_file_that_is_saved_again_agrees(tmp_path: Path) -> None:
     edits.look()
     again = edits.take(2)
     assert again == replace(first, agreed=True)
+    edits.put_back(first)
+    path.write_text(COUNTING.replace("own", "other"), "utf-8")
+    edits.look()
+    newer = edits.take(3)
+    assert newer is not None
+    assert not newer.agreed
 
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "specs" / "examples"

@@ -15,8 +15,7 @@ import koord
 from koord.api.story_page import framed
 from koord.syntax.source import Source
 from tests.loading import EXAMPLES
-from tests.sim import browser
-from tests.sim.browser import Tab
+from tests.sim.browser import Tab, in_a_browser, one_tab
 
 BROKEN = EXAMPLES / "broken"
 
@@ -139,15 +138,7 @@ def test_a_step_that_no_proof_gets_over_is_told() -> None:
 
 # --- in a browser ---------------------------------------------------------------------------------
 
-BROWSER = browser.installed()
-in_a_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
-
-
-@pytest.fixture(scope="module")
-def tab() -> Iterator[Tab]:
-    assert BROWSER is not None
-    with browser.browser(BROWSER) as tab:
-        yield tab
+tab = pytest.fixture(scope="module")(one_tab)
 
 
 @pytest.fixture

@@ -269,9 +269,9 @@ def test_wrong_settings_are_told_and_the_others_stay() -> None:
 
 
 def test_names_of_files_come_from_their_addresses() -> None:
-    assert file_name(None, "file:///a/b%20c.krd") == "b%20c.krd"
-    assert file_name("/x/y.krd", "untitled:1") == "y.krd"
-    assert file_name(None, "") == "program.krd"
+    assert file_name("file:///a/b%20c.krd") == "b%20c.krd"
+    assert file_name("untitled:1") == "untitled:1"
+    assert file_name("") == "program.krd"
     assert Edit(Span("a", 1, 1, 1, 1), "x").text == "x"
 
 

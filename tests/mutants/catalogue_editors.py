@@ -78,6 +78,20 @@ EDITORS = (
         ("tests/lsp/test_program_files.py",),
     ),
     Mutant(
+        "a string with a sign of comments is one",
+        "syntax.editing.lines.ends_in_text",
+        "not last[0].startswith('\"')",
+        "last",
+        _TESTS,
+    ),
+    Mutant(
+        "an edit that was put back is agreed to when another one comes",
+        "api.edits._PutBack.agreed",
+        "edit.sources != sources",
+        "False",
+        ("tests/api/test_reloading.py",),
+    ),
+    Mutant(
         "a request that cannot be read is left without an answer",
         "lsp.server.KoordProtocol.handle_message",
         "self._send_response(message.id, error=error)",

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from playground import __main__ as building
-from tests.sim.browser import Tab, browser, installed
+from tests.sim.browser import BROWSER, Tab, browser
 
 pytestmark = pytest.mark.slow
 
@@ -65,10 +65,9 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def opened(address: str) -> Iterator[Tab]:
     """A browser."""
-    path = installed()
-    if path is None:
+    if BROWSER is None:
         pytest.skip("there is no Chromium")
-    with browser(path, own=address) as found:
+    with browser(own=address) as found:
         found.open(address, "true")
         yield found
 

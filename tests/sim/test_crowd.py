@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 from koord.sim.viewing import page_of
-from tests.sim import browser
-from tests.sim.browser import Tab
+from tests.sim.browser import Tab, browser, in_a_browser
 from tests.sim.test_page import circling
 
-BROWSER = browser.installed()
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
+pytestmark = in_a_browser
 
 ROBOTS = 250  # more than are drawn one by one
 
@@ -65,10 +63,9 @@ def within(tab: Tab, body: str) -> Any:
 @pytest.fixture(scope="module", params=[1, 1.5])
 def tab(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
     """A page of many robots, on screens of two kinds; nothing may complain of it."""
-    assert BROWSER is not None
     path = tmp_path_factory.mktemp("pages") / "many.html"
     path.write_bytes(page_of(circling(ROBOTS, 6.0)))
-    with browser.browser(BROWSER) as tab:
+    with browser() as tab:
         tab.call(
             "Emulation.setDeviceMetricsOverride",
             width=1000,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import io
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +20,8 @@ from koord.sim.packing import pack
 from koord.sim.run_log import LogSizes, RunLog, reload_words
 from koord.sim.viewing import page_of
 from koord.syntax.source import Source
-from tests.sim import browser
-from tests.sim.browser import Tab
-from tests.sim.test_page import BROWSER, in_a_browser, shown_text
+from tests.sim.browser import Tab, in_a_browser, one_tab
+from tests.sim.test_page import shown_text
 from tests.sim.unpacking import data_of, unpacked
 
 FIRST = """\
@@ -142,11 +140,7 @@ def test_packs_say_what_there_is_from_then_on(recording: RunLog) -> None:
 # --- in a browser ---------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def tab() -> Iterator[Tab]:
-    assert BROWSER is not None
-    with browser.browser(BROWSER) as tab:
-        yield tab
+tab = pytest.fixture(scope="module")(one_tab)
 
 
 def check_page(tab: Tab) -> None:

@@ -16,8 +16,8 @@ import pytest
 
 from koord.sim.run_log import RunLogger
 from koord.sim.viewing import Live
-from tests.sim import browser
-from tests.sim.test_page import header, in_a_browser
+from tests.sim.browser import browser, in_a_browser
+from tests.sim.test_page import header
 from tests.sim.unpacking import Unpacked, unpacked
 
 
@@ -137,8 +137,7 @@ def test_the_end_waits_for_who_watches(live: Live, recorder: RunLogger, ask: Ask
 @in_a_browser
 def test_the_page_grows_with_the_run(live: Live, recorder: RunLogger) -> None:
     more(recorder, 0, 2)
-    assert browser.installed() is not None
-    with browser.browser(browser.installed() or "") as tab:
+    with browser() as tab:
         tab.open(live.address)
         assert tab.ask("page.run.duration") == pytest.approx(0.1)
         assert tab.ask("byId('live').classList.contains('on')") is True

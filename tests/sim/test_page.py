@@ -30,8 +30,7 @@ from koord.sim.run_log import (
 from koord.sim.run_log import LoggedRobot as Robot
 from koord.sim.viewing import page_of
 from tests.sampling import first
-from tests.sim import browser
-from tests.sim.browser import Tab
+from tests.sim.browser import Tab, in_a_browser, one_tab
 from tests.sim.recorded import lineform, task
 from tests.sim.unpacking import data_of, unpacked
 
@@ -167,15 +166,7 @@ def circling(robots: int, seconds: float, broken: tuple[float, ...] = ()) -> Run
 
 # --- in a browser ---------------------------------------------------------------------------------
 
-BROWSER = browser.installed()
-in_a_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
-
-
-@pytest.fixture(scope="module")
-def tab() -> Iterator[Tab]:
-    assert BROWSER is not None
-    with browser.browser(BROWSER) as tab:
-        yield tab
+tab = pytest.fixture(scope="module")(one_tab)
 
 
 @pytest.fixture

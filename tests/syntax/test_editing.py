@@ -16,6 +16,7 @@ from koord.syntax.editing.folding import folds
 from koord.syntax.editing.highlighting import TokenKind, TokenModifier, semantic_tokens
 from koord.syntax.editing.hover import hover
 from koord.syntax.editing.inlays import inlays
+from koord.syntax.editing.lines import code_of, ends_in_text
 from koord.syntax.editing.model import SemanticModel
 from koord.syntax.editing.renaming import renamed
 from koord.syntax.editing.signatures import signature_help
@@ -169,6 +170,30 @@ def test_a_place_is_told_about(old: str, new: str, told: list[str]) -> None:
     found = hover(*marked(in_task(old, new)))
     assert found is not None
     assert [piece for piece in told if piece not in found.markdown] == []
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "is_text"),
+    [
+        ("x = 1 # y", "x = 1 ", True),
+        ("x = 1 // y", "x = 1 ", True),
+        ('"a # b" << x', "        << x", False),
+        (r'"a \" # b" << x', "           << x", False),
+        ('x << "a # b', "x <<       ", True),
+        ('"" << "/', "   <<   ", True),
+        ("x / y", "x / y", False),
+        ("", "", False),
+    ],
+)
+def test_strings_and_comments_are_no_code(line: str, code: str, is_text: bool) -> None:
+    assert (code_of(line), ends_in_text(line)) == (code, is_text)
+
+
+def test_a_name_behind_a_string_with_a_comment_sign_is_told_about() -> None:
+    text = 'local:\n    int x = 0\nGo:\n    eff: stdout << "a # b // c" << |x\n'
+    found = hover(*marked(text))
+    assert found is not None
+    assert "local int x = 0" in found.markdown
 
 
 def test_nothing_is_told_about_comments() -> None:

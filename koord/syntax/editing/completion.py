@@ -13,6 +13,7 @@ from enum import Enum
 
 from msgspec import Struct
 
+from koord.syntax.editing.lines import code_of, ends_in_text
 from koord.syntax.editing.model import SemanticModel
 from koord.syntax.editing.symbols import Symbol, SymbolKind, library_symbols
 from koord.syntax.editing.words import WORDS
@@ -118,18 +119,12 @@ def completions(model: SemanticModel, line: int, column: int) -> Completions:
     tail = re.sub(r"^[A-Za-z_0-9]+", "", after)
     end = column + len(after) - len(tail)
     span = Span(model.source.name, line, len(head) + 1, line, end)
-    if _is_text(head) or word[:1].isdigit():
+    if ends_in_text(head) or word[:1].isdigit():
         return Completions(span, ())
     items = list(_found(model, line, head, tail))
     unique = {(item.label, item.kind): item for item in reversed(items)}
     ordered = sorted(unique.values(), key=lambda item: (item.rank.value, item.label.lower()))
     return Completions(span, tuple(ordered))
-
-
-def _is_text(head: str) -> bool:
-    """Return whether a line's beginning ends within a comment or a string."""
-    outside = re.sub(r'"[^"\\]*(?:\\.[^"\\]*)*"', "", head)
-    return "#" in outside or "//" in outside or '"' in outside
 
 
 def _found(model: SemanticModel, line: int, head: str, tail: str) -> Iterator[Completion]:
@@ -172,7 +167,7 @@ def _attempts(head: str, tail: str) -> Iterator[str]:
 
 def _unclosed(head: str) -> list[str]:
     open_: list[str] = []
-    for sign in re.sub(r'"[^"]*"', "", head):
+    for sign in code_of(head):
         if sign in _PAIRS:
             open_.append(sign)
         elif sign in _PAIRS.values() and open_:

@@ -6,6 +6,7 @@ import re
 
 from msgspec import Struct
 
+from koord.syntax.editing.lines import ends_in_text
 from koord.syntax.editing.model import Occurrence, SemanticModel
 from koord.syntax.editing.symbols import Symbol, SymbolKind
 from koord.syntax.editing.words import WORDS, Word
@@ -58,8 +59,7 @@ def word_at(source: Source, line: int, column: int) -> tuple[Span, str]:
     text = source.line_text(line)
     for match in _WORD.finditer(text):
         if match.start() < column <= match.end() + 1:
-            before = text[: match.start()]
-            if "#" in before or "//" in before or before.count('"') % 2:
+            if ends_in_text(text[: match.start()]):
                 break
             span = Span(source.name, line, match.start() + 1, line, match.end() + 1)
             return span, match.group()

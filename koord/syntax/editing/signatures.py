@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
+from koord.syntax.editing.lines import code_of
 from koord.syntax.editing.model import SemanticModel
 from koord.syntax.editing.symbols import (
     Symbol,
@@ -61,8 +62,8 @@ def _call(source: Source, line: int, column: int) -> tuple[str, int, bool] | Non
     first = max(1, line - _MOST_LINES)
     text = "\n".join(
         [
-            *(_code(source.line_text(number)) for number in range(first, line)),
-            _code(source.line_text(line)[: column - 1]),
+            *(code_of(source.line_text(number)) for number in range(first, line)),
+            code_of(source.line_text(line)[: column - 1]),
         ]
     )
     depth = commas = 0
@@ -84,21 +85,6 @@ def _call(source: Source, line: int, column: int) -> tuple[str, int, bool] | Non
         elif sign == ":" and not depth:
             return None
     return None
-
-
-def _code(line: str) -> str:
-    """A line without its comment, and with blanks for its strings."""
-    made: list[str] = []
-    quoted = False
-    for at, sign in enumerate(line):
-        if sign == '"' and (at == 0 or line[at - 1] != "\\"):
-            quoted = not quoted
-            made.append(" ")
-        elif not quoted and (sign == "#" or line.startswith("//", at)):
-            break
-        else:
-            made.append(" " if quoted else sign)
-    return "".join(made)
 
 
 def _name_before(text: str, at: int) -> str:

@@ -9,6 +9,7 @@ from functools import lru_cache
 from msgspec import Struct
 
 from koord.syntax import ast
+from koord.syntax.editing.lines import code_of
 from koord.syntax.elaboration.library import LIBRARY, library, library_text
 from koord.syntax.source import Source, Span
 
@@ -88,9 +89,10 @@ def library_symbols() -> tuple[Symbol, ...]:
 def _library_comments(text: Source) -> tuple[ast.Comment, ...]:
     found = []
     for number, line in enumerate(text.text.split("\n"), 1):
-        before, sign, told = line.partition("#")
-        if sign:
-            found.append(ast.Comment(number, len(before) + 1, sign + told, not before.strip()))
+        before = code_of(line)
+        told = line[len(before) :]
+        if told:
+            found.append(ast.Comment(number, len(before) + 1, told, not before.strip()))
     return tuple(found)
 
 
@@ -187,7 +189,7 @@ class _Declarations:
     ) -> Symbol:
         """A symbol of several lines, of which the first one is shown, or the ``whole``."""
         code = self.slice(span) if whole else self.slice(span).split("\n")[0]
-        code = code if whole else code.partition("#")[0]
+        code = code if whole else code[: len(code_of(code))]
         if kind is SymbolKind.ASSUMPTION:
             code = f"assume {code}"
         return Symbol(
