@@ -18,7 +18,7 @@ import zipfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from koord.api.story_page import Stories, page_of
+from koord.api.story_page import page_of
 from koord.sim.page_files import filled
 from koord.syntax import vocabulary
 from koord.syntax.elaboration.library import library_names
@@ -170,7 +170,7 @@ def page() -> str:
     told = json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     made = filled("playground", "koord playground", ("dom", "editor", "links", "main"), told)
     # A page within a page may do what both allow, so that the script of stories is named here.
-    scripts = (_script(made), _script(page_of("", Stories("koord-stories", 1, [], []))))
+    scripts = (_script(made), _script(page_of("", [])))
     hashes = " ".join(f"'sha256-{_base64(script)}'" for script in scripts)
     policy = (
         f"default-src 'none'; script-src 'self' {hashes}; style-src 'unsafe-inline'; "

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from koord.api.results import ArgumentError
 from koord.api.stories import Story, of_programs, of_refused, of_step, of_verdict, story
-from koord.api.story_page import Stories, ToldClaim, ToldReport, page_of
+from koord.api.story_page import ToldClaim, ToldReport, page_of
 from koord.api.verdict_documents import claim_form
 from koord.traces import story_form
 
@@ -69,7 +69,7 @@ def _page_of_programs(found: Trace | RunReport | ReplayReport) -> str:
     recorded = _recorded(found)
     told = of_programs(recorded, getattr(found, "broken", None))
     title = f"a run of {recorded.sources.program.name}"
-    return page_of(title, Stories("koord-stories", 1, [], [one.told for one in told]))
+    return page_of(title, [one.told for one in told])
 
 
 def of_refinement(found: Refinement) -> Story:
@@ -90,7 +90,7 @@ def verification_page(reports: Sequence[VerifyReport], parts: Parts | None = Non
     stories: list[story_form.Story] = []
     told = [_told(report, parts, stories) for report in reports]
     title = ", ".join(dict.fromkeys(report.problem.name for report in reports))
-    return page_of(title, Stories("koord-stories", 1, told, stories))
+    return page_of(title, stories, told)
 
 
 def _told(report: VerifyReport, parts: Parts, stories: list[story_form.Story]) -> ToldReport:

@@ -13,7 +13,7 @@ from msgspec import to_builtins
 from msgspec.structs import replace
 
 from koord.api.results import Result
-from koord.api.story_page import Stories, framed, page_of
+from koord.api.story_page import framed, page_of
 from koord.semantics.recordings import Reached, execute
 from koord.syntax.source import counted
 from koord.traces import story_form as forms
@@ -50,7 +50,7 @@ class Story(Result, frozen=True):
 
     def to_html(self) -> str:
         """A page that shows it and loads nothing."""
-        return page_of(self.told.title, Stories("koord-stories", 1, [], [self.told]))
+        return page_of(self.told.title, [self.told])
 
     def __repr__(self) -> str:
         return f"<Story of {self.told.about}: {self.headline}>"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from html import escape
 from typing import Literal
 
@@ -52,8 +53,11 @@ def framed(page: str, title: str, height_px: int = 640) -> str:
     )
 
 
-def page_of(title: str, shown: Stories) -> str:
-    """The page of some stories, complete in itself."""
+def page_of(
+    title: str, stories: Sequence[story_form.Story], verifications: Sequence[ToldReport] = ()
+) -> str:
+    """The page of some stories, and of the verifications that they are of; complete in itself."""
+    shown = Stories("koord-stories", 1, list(verifications), list(stories))
     # In a script nothing ends it but `</`, and nothing else begins a comment but `<!`.
     data = json.dumps(to_builtins(shown), separators=(",", ":"))
     return filled("koord.api", title, _SCRIPTS, data.replace("<", "\\u003c"))

@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -22,6 +22,9 @@ from koord.api.results import diagnostics_dict
 from koord.cli.terminal import PLAIN, Paint, Style, cells, style_of, visible
 from koord.syntax.diagnostics import Diagnostic, KoordError, Note, Severity
 from koord.syntax.source import NOWHERE, Source, Span, counted, is_whole_file
+
+if TYPE_CHECKING:
+    from koord.verify.obstacles import Failure
 
 #: The flags for the arguments of the public API that messages name.
 _FLAGS = {
@@ -227,6 +230,11 @@ def report_error(error: KoordError, *, as_json: bool, sources: Iterable[Source] 
     report.add((), *sources)
     report.add(error.diagnostics)
     report.print(sys.stdout if as_json else sys.stderr, as_json=as_json)
+
+
+def complain(failure: Failure) -> None:
+    """Say on standard error what of a result could not be made, by a mistake of koord's."""
+    print(f"koord: {failure}; a mistake in koord, the verdicts stand", file=sys.stderr)
 
 
 def render(

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from koord.api.files import write_atomically
 from koord.api.sarif import sarif_text
+from koord.cli.diagnostics import complain
 from koord.syntax.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
     from koord.api.verify_report import VerifyReport
-    from koord.verify.obstacles import Failure
 
 
 def write_sarif(
@@ -21,8 +20,4 @@ def write_sarif(
     """Write diagnostics and verdicts as SARIF. Raises KoordError."""
     from koord.api.verdicts import Parts
 
-    write_atomically(path, sarif_text(diagnostics, reports, parts=Parts(_complain)))
-
-
-def _complain(failure: Failure) -> None:
-    print(f"koord: {failure}; a mistake in koord, the verdicts stand", file=sys.stderr)
+    write_atomically(path, sarif_text(diagnostics, reports, parts=Parts(complain)))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from koord.api.files import write_atomically
 from koord.api.programs import Program
 from koord.api.verify import Options
+from koord.cli.diagnostics import complain
 from koord.cli.exits import Exit, gravest
 from koord.cli.terminal import is_debugging, style_of
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from koord.api.verdict_forms import Report
     from koord.api.verdicts import Parts
     from koord.api.verify_report import VerifyReport
-    from koord.verify.obstacles import Failure
 
 
 def tell(report: VerifyReport, arguments: argparse.Namespace, told: list[Report]) -> Exit:
@@ -26,10 +26,10 @@ def tell(report: VerifyReport, arguments: argparse.Namespace, told: list[Report]
     from koord.api.verdicts import Parts
 
     for failure in report.failed:
-        _complain(failure)
+        complain(failure)
     if report.asks_nothing_between:
         _note("no invariant reads a sensor, so none can break between rounds")
-    parts = Parts(_complain)
+    parts = Parts(complain)
     if arguments.json:
         told.append(report.form(parts))
     else:
@@ -119,14 +119,14 @@ def tell_sweep(
         print("\n".join(verdicts.heading(of_all, style)))
     for report in reports:
         points.append(report)
-        parts = Parts(_complain)
+        parts = Parts(complain)
         told.append(report.form(parts))
         if not arguments.json:
             print(verdicts.row(report, style), flush=True)
         if report.interrupted:
             break
     if arguments.plot is not None and points:
-        with Parts(_complain).enduring("the plot"):
+        with Parts(complain).enduring("the plot"):
             pictures.draw_sweep(arguments.plot, of_all, points)
     if len(points) < len(arguments.robots):
         return Exit.INTERRUPTED
@@ -162,7 +162,7 @@ def show_page(reports: Sequence[VerifyReport], path: str) -> None:
     from koord.api.html import verification_page
     from koord.api.verdicts import Parts
 
-    parts = Parts(_complain)
+    parts = Parts(complain)
     with parts.enduring("the page"):
         write_atomically(path, verification_page(reports, parts).encode("utf-8"))
     if is_debugging():
@@ -193,7 +193,3 @@ def _certify(report: VerifyReport, path: str) -> None:
 
 def _note(text: str) -> None:
     print(f"koord verify: {text}", file=sys.stderr)
-
-
-def _complain(failure: Failure) -> None:
-    _note(f"{failure}; a mistake in koord, the verdicts stand")
