@@ -531,6 +531,27 @@ VERIFY = (
         (RACES,),
     ),
     Mutant(
+        "contexts are made for a search that has its answers",
+        "verify.strategy.race.RaceTurn.work",
+        "beside[0].has_answers",
+        "False",
+        (RACES,),
+    ),
+    Mutant(
+        "contexts are made for processes of which one needs them",
+        "verify.strategy.verification._Asking.begun_ahead",
+        "liveness_of(self.system)",
+        "True",
+        (RACES,),
+    ),
+    Mutant(
+        "it is looked for contexts that nobody needs before the third",
+        "verify.encoding.contexts._made",
+        "_made_since >= _FEW <= len(_there)",
+        "_made_since >= 2 <= len(_there)",
+        ("tests/verify/encoding/test_contexts.py",),
+    ),
+    Mutant(
         "what was done at a glance is counted",
         "verify.strategy.race._at_a_glance",
         "turns == 2",

@@ -17,8 +17,12 @@ from koord.verify.job_process import depth
 
 C = TypeVar("C")
 
-#: So many contexts may be there, and so many are made, before it is looked for what nobody needs.
-_FEW = 2
+#: So many contexts may be there, and so many are made, before it is looked for what nobody needs:
+#: to look takes as long as to make four of them in memory that comes in huge pages.
+_FEW = 4
+
+#: So many are made for each process that is forked: most need no more.
+_AHEAD = 2
 
 _there: WeakSet[object] = WeakSet()
 _made_since = 0
@@ -45,7 +49,7 @@ def make_ahead(make: Callable[[], object] | None = None) -> None:
     global _maker
     _maker = _maker or make
     if _maker is not None:
-        _ahead.extend(_made(_maker) for _ in range(_FEW - len(_ahead)))
+        _ahead.extend(_made(_maker) for _ in range(_AHEAD - len(_ahead)))
 
 
 def _made(make: Callable[[], C]) -> C:

@@ -40,11 +40,15 @@ class Worked(Struct, frozen=True):
 
 
 class Runner(Struct, frozen=True):
-    """An engine in a race: its number among the steps of the strategy, its name, its turn."""
+    """An engine in a race: its number among the steps of the strategy, its name, its turn.
+
+    Where it ``has_answers`` it only has to say them.
+    """
 
     number: int
     name: str
     turn: Maker
+    has_answers: bool = False
 
 
 class Ahead(Struct, frozen=True):
@@ -135,8 +139,8 @@ class RaceTurn(Struct, frozen=True):
             known = ledger.of(ledger.open(), ledger.report)
             beside = tuple(filter(self._is_open, self.beside))
             groups = [runners for runners in (first, *((each,) for each in beside)) if runners]
-            if can_fork():
-                make_ahead(z3.Context)
+            if can_fork() and not (beside and beside[0].has_answers):
+                make_ahead(z3.Context)  # for those who ask solvers, of whom some will be begun
             for runners in self._in_turn(groups, first):
                 if runners not in jobs:
                     own = given.get(runners, known)

@@ -289,7 +289,7 @@ _BITS_OF_RUNS = AskEngine(Engine.BITS, opaque=True)
 LIVENESS: Mapping[Engine | None, tuple[LivenessRow, ...]] = {
     None: (
         AskEngine(Engine.EVERY_N, Task(seconds=0.2, evaluations=30_000), opaque=True),
-        AskEngine(Engine.SEARCH, Task(states=HANDFUL, edges=FEW_EDGES, evaluations=20_000)),
+        AskEngine(Engine.SEARCH, Task(states=HANDFUL, edges=FEW_EDGES, evaluations=12_500)),
         AskAtOnce(
             first=(
                 AskEngine(

@@ -17,6 +17,8 @@ from koord.syntax.system import System
 from koord.verify.bounded_check import Unroller
 from koord.verify.claims import Claim, claims_of, liveness_of
 from koord.verify.effort import Deadline
+from koord.verify.encoding.contexts import make_ahead
+from koord.verify.encoding.z3_loading import z3
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bmc.engine import others
 from koord.verify.engines.engine import Workers
@@ -636,6 +638,9 @@ class _Asking(Struct, frozen=True):
                 runners = self._runners(row.first, count(_RACES * (1 + position)))
                 open_ = [r for r in runners if self.steps.is_open(self.stage, r.number, r.name)]
                 if open_ and row.ahead.has(self.system.robots):
+                    if self.pool.jobs > 1 and can_fork() and liveness_of(self.system):
+                        # Who is asked there needs them, and this process for whole runs.
+                        make_ahead(z3.Context)
                     return Ahead.begun(open_, ledger, self.pool)
         return None
 
@@ -695,8 +700,9 @@ class _Asking(Struct, frozen=True):
     def _runners(self, rows: Rows, numbers: Iterator[int]) -> Iterator[Runner]:
         """Make what takes part in a race; rows that do not apply have no turn."""
         for row, number in zip(rows, numbers, strict=False):
+            has_answers = isinstance(row, AskEngine) and row.ended
             for turn in self.turns((row,)):
-                yield Runner(number, turn.name, partial(self._apart, row))
+                yield Runner(number, turn.name, partial(self._apart, row), has_answers)
 
     def _apart(self, row: Row, steps: Steps) -> AnyTurn:
         """Make the turn of a row for a process of its own, which starts no others."""

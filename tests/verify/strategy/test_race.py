@@ -7,6 +7,7 @@ import signal
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 from msgspec.structs import replace
@@ -23,7 +24,7 @@ from koord.verify.job_process import JobChannel
 from koord.verify.ledger import Ledger, Reach, VerificationProblem
 from koord.verify.obstacles import Failure
 from koord.verify.processes import Pool, can_fork
-from koord.verify.strategy import table
+from koord.verify.strategy import race, table, verification
 from koord.verify.strategy.race import _HEAD_START, Ahead, RaceTurn, Runner
 from koord.verify.strategy.resumption import PastVerification, Steps, StrategyStep
 from koord.verify.strategy.table import (
@@ -536,6 +537,27 @@ def test_what_holds_as_far_as_was_asked_is_open_for_all_rounds(system: System, j
     assert found.open() == []
 
 
+@pytest.mark.parametrize("has_answers", [False, True])
+def test_contexts_are_made_for_who_asks_solvers(
+    system: System, has_answers: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not for a search that only has to say what it has seen: behind that nobody is begun."""
+    made: list[object] = []
+    monkeypatch.setattr(race, "make_ahead", made.append)
+    everything = proving(EVERYTHING, Engine.SEARCH)
+    runner = Runner(0, "search", lambda steps: Turn("search", everything), has_answers)
+    ledger = Ledger(
+        VerificationProblem(system, lambda *given: pytest.fail("nothing to replay"), system),
+        Bounds(8),
+        Deadline.after(None),
+        claims_of(system),
+    )
+    with Pool(2) as pool:
+        RaceTurn([], [runner], pool, Steps(), "stage", lambda ledger: True).work(ledger)
+    assert set(engines(ledger).values()) == {Engine.SEARCH}
+    assert len(made) == (0 if has_answers else 1)
+
+
 # --- begun ahead ----------------------------------------------------------------------------------
 
 
@@ -734,8 +756,8 @@ def test_races_have_an_end() -> None:
     """Who is asked while others wait has a budget: that of induction is its own."""
     races = [row for row in SAFETY[None] if isinstance(row, AskAtOnce)]
     assert len(races) > 1
-    for race in races:
-        for row in (*race.first, *race.beside):
+    for contest in races:
+        for row in (*contest.first, *contest.beside):
             if isinstance(row, AskEngine) and row.engine is not Engine.INDUCTION:
                 task = row.task
                 assert {task.seconds, task.states, task.evaluations, task.questions} != {None}
@@ -746,9 +768,11 @@ def test_who_has_seen_all_configurations_says_so_first(
 ) -> None:
     """Before an inductive step; who has seen some of them is asked to go on behind it."""
     begun: list[list[str]] = []
+    answers: list[list[bool]] = []
 
     def ended(turn: RaceTurn, ledger: Ledger) -> None:
         begun.append([runner.name for runner in turn.beside])
+        answers.append([runner.has_answers for runner in turn.beside])
         raise KeyboardInterrupt
 
     monkeypatch.setattr(RaceTurn, "work", ended)
@@ -756,6 +780,25 @@ def test_who_has_seen_all_configurations_says_so_first(
     monkeypatch.setattr(EngineTurn, "work", lambda turn, ledger: None)
     verify(system, Bounds(5))
     assert [names[:2] for names in begun] == [["search", "induction"], ["induction", "search"]]
+    assert [which.index(True) if any(which) else None for which in answers] == [0, None]
+
+
+@pytest.mark.parametrize(("jobs", "runs"), [(2, True), (2, False), (1, True)])
+def test_contexts_are_made_once_for_proofs_ahead_and_those_of_whole_runs(
+    jobs: int, runs: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before the other one is forked; where nothing is asked of whole runs that alone needs any."""
+    done: list[str] = []
+
+    def begun(*given: object) -> NoReturn:
+        done.append("begun")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(verification, "make_ahead", lambda make: done.append("made"))
+    monkeypatch.setattr(Ahead, "begun", begun)
+    text = LOCK + ("eventually Taken: owner != -1\n" if runs else "")
+    verify(dealt(program_of(text), 2), Bounds(5), jobs=jobs)
+    assert done == (["made", "begun"] if runs and jobs > 1 else ["begun"])
 
 
 def test_rows_are_for_fleets() -> None:
