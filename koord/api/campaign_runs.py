@@ -246,10 +246,11 @@ def row_of(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row |
     )
     began, begun_s = time.perf_counter(), time.thread_time()
     meter = TrafficMeter(len(fitted.scene.robots))
-    meter.note(made.begin(), made.engine.proposed)
+    begun = made.begin()
+    meter.note(begun, made.engine.proposals_of(begun))
     check_begun(fitted, made)
     for decision in run(made, limit_s(fitted, order.rounds, order.duration_s)):
-        meter.note(decision, made.engine.proposed)
+        meter.note(decision, made.engine.proposals_of(decision))
         if is_enough():
             return None
     wall_s, cpu_s = time.perf_counter() - began, time.thread_time() - begun_s

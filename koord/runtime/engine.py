@@ -148,6 +148,15 @@ class RoundEngine:
         self._act(decision)
         return decision
 
+    def proposals_of(self, decision: Decision) -> Mapping[int, Proposal]:
+        """What was proposed in one of the last rounds; in those behind the first nobody acted.
+
+        Who is not in it proposed nothing to do.
+        """
+        proposals = self.proposed
+        of = next(iter(proposals.values()), None)
+        return proposals if of is not None and of.round == decision.round else {}
+
     def resume(self, resumed: Resumed) -> None:
         """Go on from where another engine's robots are, instead of INIT. [RELOAD]"""
         self.round, self.shown = resumed.round, list(resumed.shown)

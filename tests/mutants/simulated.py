@@ -384,9 +384,9 @@ SIMULATED = (
     ),
     Mutant(
         "rounds that were made at once have the proposals of the one before",
-        "runtime.columns.engine.ColumnEngine.pass_idle",
-        "self.proposed = {}",
-        "pass",
+        "runtime.engine.RoundEngine.proposals_of",
+        "of.round == decision.round",
+        "True",
         (TRAFFIC,),
     ),
     Mutant(

@@ -75,7 +75,7 @@ def test_counts_are_the_same_however_rounds_are_made() -> None:
     for made in (plain, coded, striding):
         meter = TrafficMeter(3)
         for decision in run(made, 10.0):
-            meter.note(decision, made.engine.proposed)
+            meter.note(decision, made.engine.proposals_of(decision))
         found.append(meter.traffic)
     assert counting.made
     assert not none.made

@@ -294,7 +294,6 @@ class ColumnEngine(RoundEngine):
         self.rest()
         self.round += rounds
         self.counts.by_code += rounds * len(self._robots)
-        self.proposed = {}
         self._decided = decision
         self._sense(self.fleet.columns, measured)
         self._write = measured.write

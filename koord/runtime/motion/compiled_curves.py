@@ -12,8 +12,8 @@ is up to five pieces, each with a length in radians or radii, negative where it 
 
 from __future__ import annotations
 
-import ctypes
 import math
+import threading
 from collections.abc import Callable, Sequence
 from functools import cache
 
@@ -67,8 +67,7 @@ class DirectWays:
     def __init__(self, headings: Sequence[float], library: Ints) -> None:
         """``headings`` are those in which a car may arrive, from -π to π."""
         self._headings, self._library = tuple(headings), library
-        self._library_at: int = library.ctypes.data
-        self._numbers = ctypes.c_double * (len(_NUMBERS) + len(headings))
+        self._rooms = threading.local()
         self._find = _direct(len(headings))
 
     def find(
@@ -85,10 +84,27 @@ class DirectWays:
         ``start`` is x, y and a heading from -π to π, ``edges`` the least x and y of the world and
         the greatest, from which all places on the way keep more than ``keeps_m``.
         """
-        numbers = self._numbers(*start, *goal, radius_m, *edges, keeps_m, z, *self._headings)
-        points: Floats = np.empty((_POINTS, 3))
-        count = self._find(self._library_at, ctypes.addressof(numbers), points.ctypes.data)
-        return points[:count] if count else None
+        room = self._room()
+        room.numbers[: len(_NUMBERS)] = *start, *goal, radius_m, *edges, keeps_m, z
+        count = self._find(*room.addresses)
+        return room.points[:count].copy() if count else None
+
+    def _room(self) -> _Room:
+        """The memory of this thread, in which one way is found after the other."""
+        found: _Room | None = getattr(self._rooms, "room", None)
+        if found is None:
+            found = self._rooms.room = _Room(self._library, self._headings)
+        return found
+
+
+class _Room:
+    """Memory for finding a way: what is asked, and what is found."""
+
+    def __init__(self, library: Ints, headings: Sequence[float]) -> None:
+        self.numbers: Floats = np.array([*(0.0 for _ in _NUMBERS), *headings])
+        self.points: Floats = np.empty((_POINTS, 3))
+        arrays = library, self.numbers, self.points
+        self.addresses: tuple[int, ...] = tuple(array.ctypes.data for array in arrays)
 
 
 def direct_ways(headings: tuple[float, ...]) -> DirectWays | None:
