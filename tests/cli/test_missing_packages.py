@@ -11,6 +11,7 @@ import pytest
 
 from koord.cli.exits import Exit
 from koord.cli.main import main
+from koord.runtime.motion.libraries import missing
 from tests.sampling import first
 
 ROOT = Path(__file__).parents[2]
@@ -105,6 +106,15 @@ def test_koord_alone_tells_of_itself(words: str, tmp_path: Path) -> None:
     )
     assert (done.returncode, done.stderr) == (Exit.OK, "")
     assert done.stdout
+    assert "ModuleNotFoundError" not in done.stdout
+
+
+def test_several_packages_are_told_as_several() -> None:
+    told = [missing(library, "gps").diagnostics[0].message for library in ("a", "a, b")]
+    assert told == [
+        "a is needed for this and is not installed",
+        "a, b are needed for this and are not installed",
+    ]
 
 
 #: Those of a default run; tests/test_readme.py has others.

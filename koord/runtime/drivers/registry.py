@@ -18,6 +18,8 @@ from msgspec import Struct
 
 from koord.runtime.drivers.driver import DriverError, DriverType
 from koord.runtime.drivers.localiser import LocaliserType
+from koord.runtime.motion.libraries import SIM
+from koord.runtime.motion.libraries import missing as missing_library
 from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:  # what these need, configurations are read without
@@ -96,10 +98,11 @@ class Registry(Generic[Made]):
                 try:
                     options = entry.load().OPTIONS.__struct_fields__
                 except KoordError as error:
-                    (told, *_) = error.diagnostics
-                    missing = told.message if told.hint is None else f"{told.message}; {told.hint}"
+                    missing = _told(error)
                 except Exception as error:  # whatever somebody else's module does
                     missing = f"{type(error).__name__}: {error}"
+                    if isinstance(error, ModuleNotFoundError) and error.name in SIM:
+                        missing = _told(missing_library(error.name, "sim"))
                 made.append(DriverEntry(name, package, entry.value, options, missing))
         return made
 
@@ -147,3 +150,9 @@ def options_of(made: Optioned, given: bytes) -> Struct:
         known = ", ".join(made.OPTIONS.__struct_fields__) or "none"
         raise DriverError(str(error), f"its options are: {known}") from None
     return options
+
+
+def _told(error: KoordError) -> str:
+    """The first diagnostic of an error in one line."""
+    (told, *_) = error.diagnostics
+    return told.message if told.hint is None else f"{told.message}; {told.hint}"

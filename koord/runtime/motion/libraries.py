@@ -17,14 +17,18 @@ def missing(library: str, extra: str) -> KoordError:
 
 
 def absent(library: str, install: str) -> KoordError:
-    """The error for a library that cannot be imported, and the command that installs it. (K950)"""
+    """The error for libraries that cannot be imported, and the command that installs them. (K950)
+
+    ``library`` is a name, or several with commas between them.
+    """
+    is_ = "are" if "," in library else "is"
     return KoordError(
         (
             Diagnostic(
                 "K950",
                 Severity.ERROR,
                 NOWHERE,
-                f"{library} is needed for this and is not installed",
+                f"{library} {is_} needed for this and {is_} not installed",
                 f"install it with: {install}",
             ),
         )
