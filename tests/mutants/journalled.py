@@ -24,6 +24,13 @@ JOURNALLED = (
         (SLOTS,),
     ),
     Mutant(
+        "damage between two records of a journal is not seen",
+        "runtime.deploy.slots._frame_at",
+        "slot.startswith(tail, behind)",
+        "slot.startswith(_END, behind)",
+        (SLOTS,),
+    ),
+    Mutant(
         "what is damaged was torn",
         "runtime.deploy.slots._is_torn",
         "not any(slot[at:after])",

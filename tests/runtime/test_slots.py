@@ -42,19 +42,16 @@ def written(path: Path) -> list[bytes]:
 
 @pytest.mark.parametrize("seed", first(60, range(4000)))
 def test_no_bit_may_flip(tmp_path: Path, seed: int) -> None:
-    """(R-SAVE) Then the file is damaged, or says all that it said."""
-    path = tmp_path / "1.journal"
-    bodies, random = written(path), Random(seed)
+    """(R-SAVE) Not even one that nobody reads, between two records."""
+    path, random = tmp_path / "1.journal", Random(seed)
+    written(path)
     data = bytearray(path.read_bytes())
     end = BLOCK_BYTES + len(bytes(data[BLOCK_BYTES : 2 * BLOCK_BYTES]).rstrip(b"\0"))
     at = random.choice([*range(32), *range(BLOCK_BYTES, end)])
     data[at] ^= 1 << random.randrange(8)
     path.write_bytes(data)
-    try:
-        found = SlotFile(path).read()
-    except DamagedError:
-        return
-    assert found == bodies
+    with pytest.raises(DamagedError):
+        SlotFile(path).read()
 
 
 def test_a_hole_before_what_knows_of_it_is_damage(tmp_path: Path) -> None:

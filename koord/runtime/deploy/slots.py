@@ -379,9 +379,11 @@ def _frame_at(slot: bytes, at: int, generation: int) -> tuple[bytes, int] | None
         raise DamagedError(f"the record at byte {at} of its slot is damaged")
     size, _, checksum, _ = _FRAME.unpack(said)
     end = start + size + len(_END)
-    body = _masked(slot[start : end - len(_END)])
-    if crc32(body) == checksum and slot[end - len(_END) : end] == _END:
-        return body, end + -end % _ALIGNED
+    tail = _END + bytes(-end % _ALIGNED)
+    behind = end - len(_END)
+    body = _masked(slot[start:behind])
+    if crc32(body) == checksum and slot.startswith(tail, behind):
+        return body, behind + len(tail)
     if end <= len(slot) and (_is_torn(slot, at, end) or _end(slot) < end):
         return None
     raise DamagedError(f"the record at byte {at} of its slot is damaged")
