@@ -31,6 +31,13 @@ JOURNALLED = (
         (SLOTS,),
     ),
     Mutant(
+        "what was begun and never told is added to, once it has a name",
+        "runtime.deploy.slots.SlotFile._make",
+        "self._is_named, self._is_told = not self._syncs, False",
+        "self._is_named = not self._syncs",
+        (SLOTS,),
+    ),
+    Mutant(
         "what is damaged was torn",
         "runtime.deploy.slots._is_torn",
         "not any(slot[at:after])",

@@ -119,6 +119,39 @@ def test_the_folder_names_the_file_before_anything_is_told(
     assert SlotFile(tmp_path / "1.journal").read() == [b"begun", b"told"]
 
 
+def test_what_was_never_told_to_be_there_is_begun_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A new file was not named, then it was, and what was to stand in its place could not be."""
+    path = tmp_path / "1.journal"
+    file = SlotFile(path, slot_bytes=BLOCK_BYTES)
+    file.begin(b"begun")
+    file.add(b"told")
+
+    def failing(number: int) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    with monkeypatch.context() as patch:
+        real = os.fsync
+        folder = os.stat(tmp_path).st_ino
+        patch.setattr(
+            os, "fsync", lambda n: failing(n) if os.fstat(n).st_ino == folder else real(n)
+        )
+        with pytest.raises(OSError, match="Input"):
+            file.begin(bytes(2000))  # too long for the file that there is
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fdatasync", failing)
+        with pytest.raises(OSError, match="Input"):
+            file.begin(b"begun again")
+    assert file.is_long
+    with pytest.raises(OSError, match="Input"):  # it would follow what nobody was told of
+        file.add(b"told")
+    file.begin(b"begun again")
+    file.add(b"told")
+    file.close()
+    assert SlotFile(path).read() == [b"begun again", b"told"]
+
+
 def test_what_is_written_stays_within_the_file(tmp_path: Path) -> None:
     """No sync has to write where the file is: its size and its blocks stay the same."""
     path = tmp_path / "1.journal"

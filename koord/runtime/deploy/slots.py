@@ -78,11 +78,12 @@ class SlotFile:
         self._other_end = 0  #: to there the other slot may be something else than zeros
         self._is_other_begun = False  #: and may even be taken for the one that counts
         self._is_named = True  #: the folder is known to name this file
+        self._is_told = True  #: what it holds was told to be there: a begin that failed was not
 
     @property
     def is_long(self) -> bool:
-        """True if it is time to begin anew: it is half full, or its file may lose its name."""
-        return not self._is_named or 2 * self._size > self._slot_bytes
+        """True if it is time to begin anew: it is half full, or holds what nobody was told of."""
+        return not self._is_told or 2 * self._size > self._slot_bytes
 
     # --- reading --------------------------------------------------------------------------------
 
@@ -134,14 +135,14 @@ class SlotFile:
         self._sync(self._place(other), len(data))
         self._slot, self._generation = other, generation
         self._stands(len(data))
-        self._other_end, self._is_other_begun = end, False
+        self._other_end, self._is_other_begun, self._is_told = end, False, True
         with suppress(OSError):  # it is tried again before the slot is used again
             self._blank_other()
 
     def add(self, body: bytes, *, sync: bool = True) -> None:
         """Add a frame; with ``sync`` it and all before are on the disk then."""
         assert self._file is not None
-        if not self._is_named:  # what was to be in it when it was made was not told to be there
+        if not self._is_told:
             raise OSError(errno.EIO, os.strerror(errno.EIO))
         data = _framed(body, self._generation, self._synced)
         if self._size + len(data) > self._slot_bytes:
@@ -204,8 +205,9 @@ class SlotFile:
         self._file, self._slot_bytes, self._slot, self._generation = file, slot_bytes, 0, generation
         self._stands(len(data))
         self._other_end, self._is_other_begun = 0, False
-        self._is_named = not self._syncs
+        self._is_named, self._is_told = not self._syncs, False
         self._name()
+        self._is_told = True
 
     def close(self) -> None:
         """Close the file. Another process may use it then."""
