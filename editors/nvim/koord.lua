@@ -1,10 +1,16 @@
 -- Neovim 0.11 and newer: put this into ~/.config/nvim/lsp/koord.lua, and say
 -- vim.lsp.enable("koord") in init.lua. The syntax is in ../vim.
+-- Files of YAML are its own where a program stands beside them: they may be configurations.
 -- `:lua vim.lsp.codelens.run()` in a line with a broken claim opens the run that breaks it.
 return {
   cmd = { "koord", "lsp" },
-  filetypes = { "koord" },
-  root_markers = { ".git" },
+  filetypes = { "koord", "yaml" },
+  root_dir = function(buffer, start)
+    local folder = vim.fs.dirname(vim.api.nvim_buf_get_name(buffer))
+    if vim.bo[buffer].filetype == "koord" or vim.fn.glob(folder .. "/*.krd") ~= "" then
+      start(vim.fs.root(buffer, ".git"))
+    end
+  end,
   init_options = { verify = { on = "change" } },
   handlers = {
     -- verdicts as signs in the gutter, and as lenses above the claims

@@ -3,7 +3,8 @@
 --   KOORD_LOOK=out.json nvim --headless program.krd -c 'luafile editors/nvim/look.lua'
 --
 -- It waits for the verdicts on the program as it is, and on it with the line in KOORD_BREAK behind
--- it. Then the first lens is run, and what opens is noted. $KOORD_PATIENCE_MS is for each of these.
+-- it. Then the first lens is run, and what opens is noted. At last the mistakes of the configuration
+-- in KOORD_CONFIGURATION. $KOORD_PATIENCE_MS is for each of these.
 local patience = tonumber(vim.env.KOORD_PATIENCE_MS or "60000")
 local buffer = vim.api.nvim_get_current_buf()
 local space = vim.api.nvim_create_namespace("koord")
@@ -61,6 +62,14 @@ local function look()
       return vim.api.nvim_get_current_buf() ~= buffer
     end, 50)
     done.opened = vim.api.nvim_buf_get_lines(0, 0, -1, false)
+  end
+  if vim.env.KOORD_CONFIGURATION then
+    vim.cmd("edit! " .. vim.fn.fnameescape(vim.env.KOORD_CONFIGURATION))
+    buffer = vim.api.nvim_get_current_buf()
+    vim.wait(patience, function()
+      return #vim.diagnostic.get(buffer) > 0
+    end, 50)
+    done.configuration = shown().diagnostics
   end
 end
 

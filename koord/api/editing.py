@@ -95,6 +95,12 @@ class Document:
         """All files: the program's own text, those of properties, configurations."""
         return (*self._model.files, *self._configurations)
 
+    def take_configuration(self, source: Source) -> None:
+        """Take a newer text of a configuration, which means nothing else for what is known."""
+        self._configurations = tuple(
+            source if one.name == source.name else one for one in self._configurations
+        )
+
     @property
     def is_main(self) -> bool:
         """Whether the text that is asked about is the program's own."""

@@ -92,6 +92,21 @@ def program_files(path: Path, text: str, opened: OpenTexts) -> ProgramFiles:
     )
 
 
+def program_beside(path: Path, opened: OpenTexts) -> Source | None:
+    """The program that a configuration is named like; of several that with the longest name.
+
+    >>> program_beside(Path("app_large.yaml"), lambda path: None).name
+    'app.krd'
+    """
+    try:
+        found = [one for one in path.parent.glob("*.krd") if path.stem.startswith(one.stem)]
+    except OSError:
+        return None
+    found.sort(key=lambda one: len(one.stem), reverse=True)
+    folder = _Folder(path, "", opened)
+    return next((s for s in folder.sources(found) if not is_of_properties(s.text)), None)
+
+
 def beside(path: Path, name: str) -> Path:
     """The file of a name that is seen from the folder of another file."""
     return Path(os.path.normpath(path.parent / name))

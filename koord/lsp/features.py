@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lsprotocol import types
 
+from koord.api.configuration_texts import CheckedText
 from koord.api.documents import codes
 from koord.api.documents import format as formatted
 from koord.api.editing import (
@@ -76,7 +77,9 @@ _SYMBOL_KINDS = {
 }
 
 
-def diagnostics(document: Document, places: Places, uri: str) -> list[types.Diagnostic]:
+def diagnostics(
+    document: Document | CheckedText, places: Places, uri: str
+) -> list[types.Diagnostic]:
     """What is wrong with the text; mistakes in other files of the program stand at its top."""
     return [
         _diagnostic(found, places, uri)

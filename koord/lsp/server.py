@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
+import os
 import re
 import tempfile
 import threading
@@ -28,12 +29,14 @@ from pygls.protocol import LanguageServerProtocol, lsp_method
 from pygls.protocol.json_rpc import MsgId
 from pygls.uris import to_fs_path
 
+from koord.api.configuration_texts import CheckedText, checked_text, load_libraries
 from koord.api.editing import Document, Source, Span, SymbolKind, document, normalise
 from koord.api.html import html
 from koord.api.program_files import beside, program_files
 from koord.api.run_texts import run_text
 from koord.api.verdict_marks import MarkKind, VerdictMark
 from koord.lsp import features
+from koord.lsp.features import file_name
 from koord.lsp.places import Places
 from koord.lsp.settings import LspSettings, read_settings
 from koord.lsp.texts import changed
@@ -48,6 +51,10 @@ COUNTEREXAMPLE = "koord.counterexample"
 SHOW_TRACE = "koord/showTrace"
 VERIFY = "koord.verify"
 CANCEL = "koord.cancelVerification"
+
+#: What clients call the language of configurations, and how their files end.
+YAML = "yaml"
+_YAML_SUFFIXES = (".yaml", ".yml")
 
 _MARKS = {
     MarkKind.HOLDS: "✓",
@@ -65,18 +72,22 @@ class RefusedError(JsonRpcException):
 
 
 class OpenText:
-    """An open document: its newest text, its analysis, and the verdicts that are known."""
+    """An open document: its newest text, its analysis, and the verdicts that are known.
 
-    def __init__(self, uri: str, text: str, version: int) -> None:
+    A configuration (``is_yaml``) has diagnostics alone.
+    """
+
+    def __init__(self, uri: str, text: str, version: int, language: str = "") -> None:
         self.uri = uri
         self.text = text
         self.version = version
-        self.analysis: asyncio.Task[Document] | None = None
+        self.analysis: asyncio.Task[Document | None] | None = None
         self.known: Document | None = None  #: the newest analysis that has ended
         self.waiting: asyncio.Task[None] | None = None  #: for the delay before a verification
         self.verified: Verified | None = None
         self.verified_version = -1
         self.path = path_of(uri)
+        self.is_yaml = language == YAML or file_name(uri).endswith(_YAML_SUFFIXES)
         self.files: frozenset[Path] = frozenset()  #: of its program, as of the last analysis
         self.main: Path | None = self.path
         self.settled = Verified()  #: what is known of a verification that goes on
@@ -139,7 +150,7 @@ class KoordProtocol(LanguageServerProtocol):
     @lsp_method(types.TEXT_DOCUMENT_DID_OPEN)
     def lsp_text_document__did_open(self, params: types.DidOpenTextDocumentParams) -> None:
         given = params.text_document
-        self._server.open(given.uri, given.text, given.version)
+        self._server.open(given.uri, given.text, given.version, given.language_id)
 
     @lsp_method(types.TEXT_DOCUMENT_DID_CHANGE)
     def lsp_text_document__did_change(self, params: types.DidChangeTextDocumentParams) -> None:
@@ -171,10 +182,10 @@ class KoordServer(LanguageServer):
 
     # --- documents --------------------------------------------------------------------------------
 
-    def open(self, uri: str, text: str, version: int) -> None:
+    def open(self, uri: str, text: str, version: int, language: str = "") -> None:
         """Take a document up."""
         self.close(uri)  # a client that opens it again has another text
-        self.texts[uri] = OpenText(uri, text, version)
+        self.texts[uri] = OpenText(uri, text, version, language)
         self._analyse(self.texts[uri])
 
     def change(self, params: types.DidChangeTextDocumentParams) -> None:
@@ -225,8 +236,11 @@ class KoordServer(LanguageServer):
                 others.append((source, known.get(path) or path.as_uri()))
         return Places(of.source, self.encoding, text.uri, others)
 
-    async def document(self, uri: str) -> tuple[Document, Places]:
-        """The newest analysis of a document. Raises JsonRpcInvalidParams if it is not open."""
+    async def document(self, uri: str) -> tuple[Document, Places] | None:
+        """The newest analysis of a document; None: it is a configuration.
+
+        Raises JsonRpcInvalidParams if it is not open.
+        """
         while True:
             text = self.texts.get(uri)
             if text is None or text.analysis is None:
@@ -236,21 +250,48 @@ class KoordServer(LanguageServer):
             await asyncio.wait([analysis])
             if not analysis.cancelled() and text.analysis is analysis:
                 found = analysis.result()
-                return found, self.places(found, text)
+                return None if found is None else (found, self.places(found, text))
 
-    async def ask(self, uri: str, question: Callable[[Document, Places], T]) -> T:
-        """Ask about the newest analysis, beside the loop."""
-        found, places = await self.document(uri)
+    async def ask(self, uri: str, question: Callable[[Document, Places], T]) -> T | None:
+        """Ask about the newest analysis, beside the loop; None, if it is a configuration."""
+        known = await self.document(uri)
+        if known is None:
+            return None
         loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self.analysts, question, found, places)
+        return await loop.run_in_executor(self.analysts, question, *known)
 
     def _analyse(self, text: OpenText, *, is_changed: bool = True) -> None:
         """Analyse a text that has changed, or one whose program has changed in another file."""
         if text.analysis is not None:
             text.analysis.cancel()
         self._end_verification(text)
-        text.analysis = asyncio.get_running_loop().create_task(self._analysed(text, is_changed))
+        work = self._checked if text.is_yaml else self._analysed
+        text.analysis = asyncio.get_running_loop().create_task(work(text, is_changed))
         text.analysis.add_done_callback(self._report)
+
+    async def _checked(self, text: OpenText, is_changed: bool) -> None:
+        """Check a configuration; a while later, where it is the program that has changed."""
+        loop = asyncio.get_running_loop()
+        version = text.version
+        if not is_changed:
+            await asyncio.sleep(self.settings.verify.delay_s)
+        await asyncio.to_thread(load_libraries)
+        opened = {other.path: other.text for other in self.texts.values()}
+        read = partial(_check, text.uri, text.path, text.text, opened)
+        found = await loop.run_in_executor(self.analysts, read)
+        others: list[tuple[Source, str]] = []
+        text.files = frozenset()
+        if text.path is not None and found.program is not None:
+            program = beside(text.path, found.program.name)
+            text.files = frozenset((program,))
+            others.append((found.program, program.as_uri()))
+        places = Places(found.source, self.encoding, text.uri, others)
+        text.diagnostics = features.diagnostics(found, places, text.uri)
+        self._publish(text, version)
+        for other in self._others(text):
+            if other.known is not None and text.path is not None and other.path is not None:
+                name = os.path.relpath(text.path, other.path.parent)
+                other.known.take_configuration(Source(name, found.source.text))
 
     async def _analysed(self, text: OpenText, is_changed: bool) -> Document:
         loop = asyncio.get_running_loop()
@@ -305,6 +346,8 @@ class KoordServer(LanguageServer):
 
     def verify(self, text: OpenText, *, at_once: bool = False) -> None:
         """Verify a document as it is now; what is going on about older texts is ended."""
+        if text.is_yaml:
+            return
         found = text.known
         self._end_verification(text)
         if found is None or found.program is None:
@@ -369,7 +412,7 @@ class KoordServer(LanguageServer):
     def stop_verification(self, uri: str) -> None:
         """End the verification of a document, as the user asks."""
         text = self.texts.get(uri)
-        if text is not None:
+        if text is not None and not text.is_yaml:
             self._end_verification(text)
             self._tell(text, "cancelled")
 
@@ -494,7 +537,7 @@ def _read(
 ) -> tuple[Document, Path | None]:
     """A text as a part of its program, and the program's own file."""
     if path is None:
-        return document(Source(features.file_name(uri), normalise(text))), None
+        return document(Source(file_name(uri), normalise(text))), None
     files = program_files(path, text, opened.get)
     found = document(
         files.main,
@@ -504,6 +547,13 @@ def _read(
         shown=path.name,
     )
     return found, path.parent / files.main.name
+
+
+def _check(
+    uri: str, path: Path | None, text: str, opened: Mapping[Path | None, str]
+) -> CheckedText:
+    """A configuration, checked with its program as it is open."""
+    return checked_text(file_name(uri) if path is None else path.name, path, text, opened.get)
 
 
 def _paths(found: Document, path: Path) -> frozenset[Path]:
@@ -601,6 +651,8 @@ def _register(server: KoordServer) -> None:
     @feature(types.INITIALIZED)
     def initialized(params: types.InitializedParams) -> None:
         threading.Thread(target=server.warm, name="warming up", daemon=True).start()
+        if _registers_texts(server):
+            server.client_register_capability(_configurations_too())
 
     @feature(types.SHUTDOWN)
     def shutdown(params: None) -> None:
@@ -631,13 +683,15 @@ def _register(server: KoordServer) -> None:
         return await server.ask(uri, lambda d, at: features.definition(d, at, params.position))
 
     @feature(types.TEXT_DOCUMENT_REFERENCES)
-    async def references(params: types.ReferenceParams) -> list[types.Location]:
+    async def references(params: types.ReferenceParams) -> list[types.Location] | None:
         return await server.ask(
             params.text_document.uri, lambda d, at: features.references(d, at, params)
         )
 
     @feature(types.TEXT_DOCUMENT_DOCUMENT_HIGHLIGHT)
-    async def highlights(params: types.DocumentHighlightParams) -> list[types.DocumentHighlight]:
+    async def highlights(
+        params: types.DocumentHighlightParams,
+    ) -> list[types.DocumentHighlight] | None:
         return await server.ask(
             params.text_document.uri, lambda d, at: features.highlights(d, at, params.position)
         )
@@ -645,7 +699,7 @@ def _register(server: KoordServer) -> None:
     @feature(
         types.TEXT_DOCUMENT_COMPLETION, types.CompletionOptions(trigger_characters=[".", "@", "<"])
     )
-    async def completion(params: types.CompletionParams) -> types.CompletionList:
+    async def completion(params: types.CompletionParams) -> types.CompletionList | None:
         snippets = _takes_snippets(server)
         return await server.ask(
             params.text_document.uri,
@@ -666,7 +720,7 @@ def _register(server: KoordServer) -> None:
         return await server.ask(params.text_document.uri, features.formatting)
 
     @feature(types.TEXT_DOCUMENT_PREPARE_RENAME)
-    async def prepare(params: types.PrepareRenameParams) -> types.Range:
+    async def prepare(params: types.PrepareRenameParams) -> types.Range | None:
         found = await server.ask(
             params.text_document.uri, lambda d, at: features.prepare_rename(d, at, params.position)
         )
@@ -675,7 +729,7 @@ def _register(server: KoordServer) -> None:
         return found
 
     @feature(types.TEXT_DOCUMENT_RENAME, types.RenameOptions(prepare_provider=True))
-    async def rename(params: types.RenameParams) -> types.WorkspaceEdit:
+    async def rename(params: types.RenameParams) -> types.WorkspaceEdit | None:
         found = await server.ask(
             params.text_document.uri, lambda d, at: features.rename(d, at, params)
         )
@@ -684,22 +738,22 @@ def _register(server: KoordServer) -> None:
         return found
 
     @feature(types.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
-    async def symbols(params: types.DocumentSymbolParams) -> list[types.DocumentSymbol]:
+    async def symbols(params: types.DocumentSymbolParams) -> list[types.DocumentSymbol] | None:
         return await server.ask(params.text_document.uri, features.symbols)
 
     @feature(
         types.TEXT_DOCUMENT_SEMANTIC_TOKENS_FULL,
         types.SemanticTokensLegend(features.TOKEN_KINDS, features.TOKEN_MODIFIERS),
     )
-    async def tokens(params: types.SemanticTokensParams) -> types.SemanticTokens:
+    async def tokens(params: types.SemanticTokensParams) -> types.SemanticTokens | None:
         return await server.ask(params.text_document.uri, features.semantic_tokens)
 
     @feature(types.TEXT_DOCUMENT_FOLDING_RANGE)
-    async def folding(params: types.FoldingRangeParams) -> list[types.FoldingRange]:
+    async def folding(params: types.FoldingRangeParams) -> list[types.FoldingRange] | None:
         return await server.ask(params.text_document.uri, lambda d, at: features.folding(d))
 
     @feature(types.TEXT_DOCUMENT_INLAY_HINT)
-    async def inlays(params: types.InlayHintParams) -> list[types.InlayHint]:
+    async def inlays(params: types.InlayHintParams) -> list[types.InlayHint] | None:
         if not server.settings.inlay_hints:
             return []
         return await server.ask(
@@ -712,7 +766,7 @@ def _register(server: KoordServer) -> None:
             code_action_kinds=[types.CodeActionKind.QuickFix, types.CodeActionKind.SourceFixAll]
         ),
     )
-    async def actions(params: types.CodeActionParams) -> list[types.CodeAction]:
+    async def actions(params: types.CodeActionParams) -> list[types.CodeAction] | None:
         uri = params.text_document.uri
         return await server.ask(uri, lambda d, at: features.code_actions(d, at, uri, params.range))
 
@@ -740,6 +794,32 @@ def _takes_snippets(server: KoordServer) -> bool:
     completion = None if text is None else text.completion
     item = None if completion is None else completion.completion_item
     return item is not None and bool(item.snippet_support)
+
+
+def _registers_texts(server: KoordServer) -> bool:
+    """Whether the client may be asked later for more texts than those of programs."""
+    text = server.client_capabilities.text_document
+    sync = None if text is None else text.synchronization
+    return sync is not None and bool(sync.dynamic_registration)
+
+
+def _configurations_too() -> types.RegistrationParams:
+    """The request for the texts of YAML files, and for nothing else about them.
+
+    A client that counts YAML among the server's languages would ask the server for the layout of
+    such files, too, and the user which of their formatters to take.
+    """
+    selector = [types.TextDocumentFilterLanguage(language=YAML)]
+    options = {
+        types.TEXT_DOCUMENT_DID_OPEN: types.TextDocumentRegistrationOptions(selector),
+        types.TEXT_DOCUMENT_DID_CHANGE: types.TextDocumentChangeRegistrationOptions(
+            types.TextDocumentSyncKind.Incremental, selector
+        ),
+        types.TEXT_DOCUMENT_DID_CLOSE: types.TextDocumentRegistrationOptions(selector),
+    }
+    return types.RegistrationParams(
+        [types.Registration(f"yaml {method}", method, given) for method, given in options.items()]
+    )
 
 
 #: Collect garbage so seldom: what an analysis makes has few cycles, and what is loaded is much.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from koord.api.program_files import ProgramFiles, is_of_properties, program_files
+from koord.api.program_files import ProgramFiles, is_of_properties, program_beside, program_files
 
 PROGRAM = "local:\n  int x = 0\nStep:\n  eff: x = 1\n"
 PROPERTIES = "# more\nparam int most = 3\ninvariant Few:\n  forall i: x@i <= most\n"
@@ -83,3 +83,20 @@ def test_a_comment_that_is_half_written_is_passed_over(tmp_path: Path) -> None:
     )
     found = files(path)
     assert (names(found), found.params) == (("app.krd",), {"b": ()})
+
+
+def test_a_configuration_belongs_to_the_program_that_it_is_named_like(tmp_path: Path) -> None:
+    """Of several to that with the longest name, and never to a file of properties."""
+    for name, text in (("app", PROGRAM), ("app_two", PROGRAM), ("app_two_more", PROPERTIES)):
+        (tmp_path / f"{name}.krd").write_text(text, "utf-8")
+
+    def named(name: str) -> str | None:
+        found = program_beside(tmp_path / name, lambda path: None)
+        return None if found is None else found.name
+
+    assert named("app.yaml") == named("app_large.yml") == "app.krd"
+    assert named("app_two.yaml") == named("app_two_more.yaml") == "app_two.krd"
+    assert named("other.yaml") is None
+    opened = program_beside(tmp_path / "app.yaml", lambda path: PROGRAM + "# typed\n")
+    assert opened is not None
+    assert opened.text.endswith("# typed\n")

@@ -42,6 +42,7 @@ def test_neovim_shows_verdicts_and_the_run_that_breaks_a_claim(tmp_path: Path) -
     program = tmp_path / "task.krd"
     text = (EXAMPLES / "task.krd").read_text("utf-8")
     program.write_text(text, "utf-8")
+    (tmp_path / "task.yaml").write_text("num_robots: 2\nrobbot: {}\n", "utf-8")
     lines = text.splitlines()
     output = tmp_path / "shown.json"
     commands = tmp_path / "bin"
@@ -54,6 +55,7 @@ def test_neovim_shows_verdicts_and_the_run_that_breaks_a_claim(tmp_path: Path) -
         "HOME": str(tmp_path),
         **{f"XDG_{of}_HOME": str(tmp_path / of.lower()) for of in ("CONFIG", "DATA", "STATE")},
         "KOORD_LOOK": str(output),
+        "KOORD_CONFIGURATION": str(tmp_path / "task.yaml"),
         "KOORD_BREAK": "invariant Bad: forall i: not isOnTask@i",
     }
     look = f"luafile {FOLDER / 'nvim' / 'look.lua'}"
@@ -80,5 +82,6 @@ def test_neovim_shows_verdicts_and_the_run_that_breaks_a_claim(tmp_path: Path) -
     broken = len(lines) + 1
     assert (broken, "✗") in {(one["line"], one["sign"]) for one in second["signs"]}
     assert [(one["line"], one["code"]) for one in second["diagnostics"]] == [(broken, "violated")]
+    assert [(one["line"], one["code"]) for one in told["configuration"]] == [(2, "K931")]
     assert told["opened"][0] == "# Bad is violated"
     assert "| 1 |" in "\n".join(told["opened"])

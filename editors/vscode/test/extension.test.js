@@ -19,6 +19,11 @@ Go:
 invariant Small: x <= 2
 invariant Natural: x >= 0
 `;
+const CONFIGURATION = `agents:
+    - {pid: 0, on_device: car}
+devices:
+    car: {bot_type: CAR, planner: RRT_CAR}
+`;
 const TIMEOUT_MS = 20_000;
 const WITHOUT = { isCancellationRequested: false, onCancellationRequested: () => ({ dispose() {} }) };
 
@@ -129,6 +134,19 @@ test("what the server answers is converted: hover, completion, definition, layou
       program, { tabSize: 4, insertSpaces: true }, WITHOUT), []);
   const tokens = await seen.providers.DocumentSemanticTokens.provideDocumentSemanticTokens(program, WITHOUT);
   assert.ok(tokens.data.length > 0 && tokens.data.length % 5 === 0);
+});
+
+test("mistakes of configurations are told as they are typed, and nothing else about YAML", async () => {
+  const yaml = editor.open(written("counts.yaml", CONFIGURATION));
+  const told = () => seen.diagnostics.get(yaml.uri.toString()) ?? [];
+  editor.replace(yaml, "planner:", "plannner:");
+  const found = await until(() => told()[0], "a mistake of a configuration");
+  assert.match(found.message, /did you mean `planner`/);
+  assert.deepStrictEqual([found.range.start.line, found.range.start.character], [3, 25]);
+  editor.replace(yaml, "plannner:", "planner:");
+  await until(() => told().length === 0, "no mistake");
+  assert.strictEqual(api.languages.match(seen.selectors.DocumentFormattingEdit, yaml), 0);
+  assert.strictEqual(api.languages.match(seen.selectors.DocumentFormattingEdit, program), 10);
 });
 
 test("commands verify and stop, and settings reach the server", async () => {

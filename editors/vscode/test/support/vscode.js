@@ -19,6 +19,7 @@ const seen = {
   panels: [],
   picks: [],
   providers: {},
+  selectors: {}, // of providers
   status: [],
 };
 
@@ -63,7 +64,7 @@ class TextDocument {
   constructor(file) {
     this.uri = Uri.file(file);
     this.fileName = file;
-    this.languageId = "koord";
+    this.languageId = file.endsWith(".yaml") ? "yaml" : "koord";
     this.version = 1;
     this.text = fs.readFileSync(file, "utf-8");
     this.isClosed = false;
@@ -174,6 +175,7 @@ const languages = {
 for (const name of registers) {
   languages[`register${name}Provider`] = (selector, provider) => {
     seen.providers[name] = provider;
+    seen.selectors[name] = selector;
     return new Disposable(() => delete seen.providers[name]);
   };
 }
