@@ -10,10 +10,10 @@ from typing import Any
 
 import msgspec
 
-from docs.generator.comments import field_comments
 from docs.generator.markdown import plain
 from docs.generator.schemas import sections
 from koord.api.drivers import OWN, OWN_LOCALISERS
+from koord.api.field_comments import field_comments
 from koord.runtime.configuration import forms
 
 PAGE = "reference/configuration.md"

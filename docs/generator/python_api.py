@@ -8,8 +8,8 @@ import re
 from typing import Any
 
 import koord
-from docs.generator.comments import field_comments
 from docs.generator.markdown import code, fence, plain, table
+from koord.api.field_comments import field_comments
 
 PAGE = "reference/python.md"
 

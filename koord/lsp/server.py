@@ -36,6 +36,7 @@ from koord.api.program_files import beside, program_files
 from koord.api.run_texts import run_text
 from koord.api.verdict_marks import MarkKind, VerdictMark
 from koord.lsp import features
+from koord.lsp.configuration_features import field_completions, field_hover
 from koord.lsp.features import file_name
 from koord.lsp.places import Places
 from koord.lsp.settings import LspSettings, read_settings
@@ -74,7 +75,7 @@ class RefusedError(JsonRpcException):
 class OpenText:
     """An open document: its newest text, its analysis, and the verdicts that are known.
 
-    A configuration (``is_yaml``) has diagnostics alone.
+    A configuration (``is_yaml``) has no analysis, and no verdicts.
     """
 
     def __init__(self, uri: str, text: str, version: int, language: str = "") -> None:
@@ -259,6 +260,17 @@ class KoordServer(LanguageServer):
             return None
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self.analysts, question, *known)
+
+    async def ask_configuration(self, uri: str, question: Callable[[Places], T | None]) -> T | None:
+        """Ask about the text of a configuration, which has to be open, beside the loop."""
+        source = Source(file_name(uri), normalise(self.texts[uri].text))
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self.analysts, question, Places(source, self.encoding))
+
+    def is_yaml(self, uri: str) -> bool:
+        """Whether a document is open that is YAML."""
+        text = self.texts.get(uri)
+        return text is not None and text.is_yaml
 
     def _analyse(self, text: OpenText, *, is_changed: bool = True) -> None:
         """Analyse a text that has changed, or one whose program has changed in another file."""
@@ -673,6 +685,9 @@ def _register(server: KoordServer) -> None:
 
     @feature(types.TEXT_DOCUMENT_HOVER)
     async def hover(params: types.HoverParams) -> types.Hover | None:
+        uri, at = params.text_document.uri, params.position
+        if server.is_yaml(uri):
+            return await server.ask_configuration(uri, lambda places: field_hover(places, at))
         return await server.ask(
             params.text_document.uri, lambda d, at: features.hover(d, at, params.position)
         )
@@ -700,6 +715,9 @@ def _register(server: KoordServer) -> None:
         types.TEXT_DOCUMENT_COMPLETION, types.CompletionOptions(trigger_characters=[".", "@", "<"])
     )
     async def completion(params: types.CompletionParams) -> types.CompletionList | None:
+        uri, at = params.text_document.uri, params.position
+        if server.is_yaml(uri):
+            return await server.ask_configuration(uri, lambda places: field_completions(places, at))
         snippets = _takes_snippets(server)
         return await server.ask(
             params.text_document.uri,
@@ -797,14 +815,14 @@ def _takes_snippets(server: KoordServer) -> bool:
 
 
 def _registers_texts(server: KoordServer) -> bool:
-    """Whether the client may be asked later for more texts than those of programs."""
+    """Whether the client may be asked later for the texts of more than programs."""
     text = server.client_capabilities.text_document
     sync = None if text is None else text.synchronization
     return sync is not None and bool(sync.dynamic_registration)
 
 
 def _configurations_too() -> types.RegistrationParams:
-    """The request for the texts of YAML files, and for nothing else about them.
+    """The request for the texts of YAML files, to be asked what fields mean, and for nothing else.
 
     A client that counts YAML among the server's languages would ask the server for the layout of
     such files, too, and the user which of their formatters to take.
@@ -816,6 +834,8 @@ def _configurations_too() -> types.RegistrationParams:
             types.TextDocumentSyncKind.Incremental, selector
         ),
         types.TEXT_DOCUMENT_DID_CLOSE: types.TextDocumentRegistrationOptions(selector),
+        types.TEXT_DOCUMENT_HOVER: types.TextDocumentRegistrationOptions(selector),
+        types.TEXT_DOCUMENT_COMPLETION: types.TextDocumentRegistrationOptions(selector),
     }
     return types.RegistrationParams(
         [types.Registration(f"yaml {method}", method, given) for method, given in options.items()]

@@ -9,9 +9,11 @@ from typing import Any
 import pytest
 from lsprotocol import types
 
+from koord.api.configuration_fields import field_at, fields_for
 from koord.api.configuration_texts import checked_text, is_configuration
 from koord.api.configurations import check_configuration
 from koord.api.editing import Source
+from koord.runtime.configuration.forms import Agent, Device, WorldForm
 from tests.lsp.connected import CAPABILITIES, Editor, connected, run
 from tests.lsp.test_program_files import PROGRAM, identifier
 from tests.lsp.test_server import EXAMPLES, NEVER, applied, place
@@ -159,11 +161,8 @@ def test_what_else_is_asked_about_a_configuration_has_no_answer(tmp_path: Path) 
             pair.open(pair.configuration, TEXT, "yaml")
             here, at = identifier(pair.configuration.as_uri()), types.Position(0, 2)
             client = editor.client
-            assert await client.text_document_hover_async(types.HoverParams(here, at)) is None
-            assert (
-                await client.text_document_completion_async(types.CompletionParams(here, at))
-                is None
-            )
+            found = await client.text_document_definition_async(types.DefinitionParams(here, at))
+            assert found is None
             options = types.FormattingOptions(4, True)
             assert not await client.text_document_formatting_async(
                 types.DocumentFormattingParams(here, options)
@@ -231,8 +230,104 @@ def test_a_client_that_can_is_asked_for_the_texts_of_configurations() -> None:
     run(work(CAPABILITIES))
     assert asked == []
     run(work(capabilities))
-    methods = {f"textDocument/did{what}" for what in ("Open", "Change", "Close")}
+    methods = {f"textDocument/{what}" for what in ("didOpen", "didChange", "didClose")}
+    methods |= {"textDocument/hover", "textDocument/completion"}
     assert {one.method for one in asked} == methods
+
+
+def test_a_hover_says_what_a_field_means(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with connected(AT_ONCE) as editor:
+            pair = Pair(editor, tmp_path)
+            pair.open(pair.configuration, "# 🤖\n" + TEXT, "yaml")
+
+            async def told(of: str, more: int = 1) -> str | None:
+                at = place("# 🤖\n" + TEXT, of, more)
+                found = await editor.client.text_document_hover_async(
+                    types.HoverParams(identifier(pair.configuration.as_uri()), at)
+                )
+                if found is None:
+                    return None
+                assert found.range is not None
+                assert found.range.start == place("# 🤖\n" + TEXT, of)
+                assert isinstance(found.contents, types.MarkupContent)
+                return found.contents.value
+
+            device = await told("devices")
+            assert device is not None
+            assert device.startswith("`devices`: fields or list\n\n")
+            assert device.endswith("A vehicle.")
+            kind = await told("bot_type")
+            assert kind is not None
+            assert "`CAR`" in kind
+            assert kind.endswith('by default `"CAR"`')
+            assert await told("pid") == "`pid`: integer ≥ 0"
+            assert await told("car: {") is None  # a name that its author chose
+            assert await told("RRT_CAR") is None
+            pair.replace(pair.configuration, "{")
+            assert await told("devices") is None
+
+    run(work())
+
+
+def test_what_is_said_of_fields_is_text() -> None:
+    """Lines with an indent would be code."""
+    source = Source("a.yaml", "agents: []\nnetwork: {}\n")
+    found = field_at(source, 2, 1)
+    assert found is not None
+    lines = found[1].markdown.splitlines()
+    assert lines[0] == "`network`: fields"
+    assert len(lines) > 3
+    assert not any(line.startswith(" ") for line in lines)
+
+
+def fields(text: str) -> set[str] | None:
+    """What is offered at the ‸ of a text."""
+    at = text.index("‸")
+    source = Source("a.yaml", text.replace("‸", ""))
+    found = fields_for(source, *source.place(at))
+    if found is None:
+        return None
+    return {one.name for one in found.fields}
+
+
+def test_fields_are_completed_by_the_lines_around_them() -> None:
+    top = fields(TEXT + "wo‸")
+    assert top is not None
+    assert {"world", "delta", "network"} <= top
+    assert not top & {"agents", "devices", "params", "pid"}
+    assert fields("agents:\n  - pid: 0\n    ‸\n") == set(Agent.__struct_fields__)
+    assert fields("agents:\n- ‸\n") == set(Agent.__struct_fields__)
+    assert fields("devices:\n  car:\n    speed: 1\n    ‸") == set(Device.__struct_fields__)
+    assert fields("agents: []\nworld:\n  bounds:\n    low: [0, 0]\n  ‸") == set(
+        WorldForm.__struct_fields__
+    )
+    assert fields("agents: []\nparams:\n  ‸") == set()
+    assert fields("agents: [‸") is None
+    assert fields("delta: 0.‸1\nagents: []") is None
+    assert fields("name: ci\n‸") is None
+
+
+def test_a_completion_replaces_the_word_at_the_cursor(tmp_path: Path) -> None:
+    text = TEXT + "wor"
+
+    async def work() -> None:
+        async with connected(AT_ONCE) as editor:
+            pair = Pair(editor, tmp_path)
+            pair.open(pair.configuration, text, "yaml")
+            at = types.Position(text.count("\n"), 3)
+            found = await editor.client.text_document_completion_async(
+                types.CompletionParams(identifier(pair.configuration.as_uri()), at)
+            )
+            assert isinstance(found, types.CompletionList)
+            (world,) = [one for one in found.items if one.label == "world"]
+            assert isinstance(world.text_edit, types.TextEdit)
+            assert applied(text, [world.text_edit]) == TEXT + "world:"
+            (delta,) = [one for one in found.items if one.label == "delta"]
+            assert isinstance(delta.text_edit, types.TextEdit)
+            assert applied(text, [delta.text_edit]) == TEXT + "delta: "
+
+    run(work())
 
 
 async def typed(pair: Pair, rng: random.Random, edits: int) -> None:
@@ -248,6 +343,11 @@ async def typed(pair: Pair, rng: random.Random, edits: int) -> None:
         pair.replace(pair.configuration, text)
         if number % 4 == 0:
             await pair.newest(pair.configuration)
+        here = identifier(pair.configuration.as_uri())
+        at = types.Position(rng.randrange(text.count("\n") + 2), rng.randrange(30))
+        client = pair.editor.client
+        await client.text_document_hover_async(types.HoverParams(here, at))
+        await client.text_document_completion_async(types.CompletionParams(here, at))
     await pair.newest(pair.configuration)
     assert pair.editor.server.texts[pair.configuration.as_uri()].text == text
     assert pair.editor.messages == []

@@ -127,6 +127,13 @@ EDITORS = (
         ("tests/lsp/test_configurations.py",),
     ),
     Mutant(
+        "a field is completed by the one above it, in the same block or not",
+        "api.configuration_fields._around",
+        "len(found[1]) < indent",
+        "len(found[1]) <= indent",
+        ("tests/lsp/test_configurations.py",),
+    ),
+    Mutant(
         "browsers have processes",
         "verify.processes.can_fork",
         "sys.platform != 'emscripten'",

@@ -136,7 +136,7 @@ test("what the server answers is converted: hover, completion, definition, layou
   assert.ok(tokens.data.length > 0 && tokens.data.length % 5 === 0);
 });
 
-test("mistakes of configurations are told as they are typed, and nothing else about YAML", async () => {
+test("mistakes of configurations are told as they are typed, and YAML is not laid out", async () => {
   const yaml = editor.open(written("counts.yaml", CONFIGURATION));
   const told = () => seen.diagnostics.get(yaml.uri.toString()) ?? [];
   editor.replace(yaml, "planner:", "plannner:");
@@ -145,6 +145,8 @@ test("mistakes of configurations are told as they are typed, and nothing else ab
   assert.deepStrictEqual([found.range.start.line, found.range.start.character], [3, 25]);
   editor.replace(yaml, "plannner:", "planner:");
   await until(() => told().length === 0, "no mistake");
+  const { contents } = await seen.providers.Hover.provideHover(yaml, new api.Position(2, 3), WITHOUT);
+  assert.match((contents[0] ?? contents).value, /^`devices`: /);
   assert.strictEqual(api.languages.match(seen.selectors.DocumentFormattingEdit, yaml), 0);
   assert.strictEqual(api.languages.match(seen.selectors.DocumentFormattingEdit, program), 10);
 });

@@ -1,0 +1,41 @@
+"""What the protocol asks about the fields of a configuration, answered in its types."""
+
+from __future__ import annotations
+
+from lsprotocol import types
+
+from koord.api.configuration_fields import field_at, fields_for
+from koord.lsp.places import Places
+
+
+def field_hover(places: Places, position: types.Position) -> types.Hover | None:
+    """What the field means whose name is there."""
+    found = field_at(places.source, *places.line_and_column(position))
+    if found is None:
+        return None
+    span, field = found
+    content = types.MarkupContent(types.MarkupKind.Markdown, field.markdown)
+    return types.Hover(content, places.range(span))
+
+
+def field_completions(places: Places, position: types.Position) -> types.CompletionList | None:
+    """The fields that could be written there."""
+    line, column = places.line_and_column(position)
+    found = fields_for(places.source, line, column)
+    if found is None:
+        return None
+    range_ = places.range(found.span)
+    named = ":" in places.source.line_text(line)[column - 1 :]
+    items = []
+    for field in found.fields:
+        behind = "" if named else ":" if field.has_fields else ": "
+        items.append(
+            types.CompletionItem(
+                label=field.name,
+                kind=types.CompletionItemKind.Property,
+                detail=field.type,
+                documentation=field.story or None,
+                text_edit=types.TextEdit(range_, field.name + behind),
+            )
+        )
+    return types.CompletionList(is_incomplete=False, items=items)
