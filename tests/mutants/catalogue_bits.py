@@ -207,6 +207,20 @@ BITS = (
         (IC3,),
     ),
     Mutant(
+        "questions of all frames count as those of one",
+        "verify.engines.bits.ic3.Ic3Run._open_frame",
+        "self._opened = self.queries",
+        "pass",
+        (IC3,),
+    ),
+    Mutant(
+        "nobody tells IC3 how many questions a frame may take",
+        "verify.engines.bits.engine._Run._searched",
+        "self.frame_questions",
+        "None",
+        ("tests/verify/test_obstacles.py",),
+    ),
+    Mutant(
         "a clause may keep INIT out",
         "verify.engines.bits.ic3.Ic3Run._apart",
         "not self._starts_in(enough)",

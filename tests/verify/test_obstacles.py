@@ -101,9 +101,12 @@ def test_a_number_that_grows_too_long_is_named() -> None:
     assert any(line.startswith("search: exact numbers in x grow") for line in lines)
 
 
+@pytest.mark.parametrize(
+    "task", [Task(questions=0), Task(questions=5_500, frame_questions=0)], ids=["all", "a frame's"]
+)
 @pytest.mark.parametrize(("rounds", "outcome"), [(1, Outcome.HOLDS), (9, Outcome.UNKNOWN)])
 def test_who_looked_for_an_invariant_and_found_none_is_named(
-    rounds: int, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
+    rounds: int, outcome: Outcome, task: Task
 ) -> None:
     """Also where all rounds that were asked about have been looked at."""
     text = """
@@ -120,7 +123,7 @@ invariant Odd: y != 7 or x != 9
     system = dealt(program_of(text), 2)
     (odd, *_) = claims = claims_of(system)
     ledger = Ledger(plain_problem(system), Bounds(rounds), Deadline.after(None), claims, 0, print)
-    bits_engine.BitsEngine().work(ledger, Task(questions=0))
+    bits_engine.BitsEngine().work(ledger, task)
     verdict = ledger.verdict(odd)
     assert verdict.outcome is outcome
     (line,) = obstacles.lines(verdict.obstacles, "Odd")

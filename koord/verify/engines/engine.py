@@ -50,6 +50,7 @@ class Task(Struct, frozen=True):
     edges: int | None = None  #: from one state to another: explicit, of whole runs
     evaluations: int | None = None  #: in the units of a program's budget: all
     questions: int | None = None  #: to a SAT solver; only what promises to be quick: bits
+    frame_questions: int | None = None  #: the same until IC3 has another frame: bits
     candidates: int | None = None  #: likely invariants, the simplest ones: every_n
     named: frozenset[str] = frozenset()  #: only these claims; none: all that are open
     lemmas: tuple[Claim, ...] = ()  #: that hold in every round: bits, of whole runs

@@ -116,6 +116,7 @@ class _Run:
         self.started = started
         self.engine = engine
         self.questions = task.questions  #: so many IC3 may ask; then only what may be quick
+        self.frame_questions = task.frame_questions  #: the same until it has another frame
         self.seconds = task.seconds  #: of abc
         self.completed: int | None = None
         self.astray: dict[Claim, str] = {}  #: with a violation that is no run
@@ -334,6 +335,7 @@ class _Run:
             images(ledger.system, properties if exchange else None, question.latches),
             lambda frame, cubes: ledger.progress(f"bits, IC3, frame {frame}, {cubes} clauses"),
             limit=self.questions,
+            frame_limit=self.frame_questions,
         )
         found = search.run()
         clauses.close()

@@ -70,8 +70,10 @@ class Ic3Run(Struct):
     images: Callable[[Cube], Iterable[Cube] | None] = lambda cube: None
     progress: Callable[[int, int], None] = lambda frame, cubes: None
     limit: int | None = None  #: so many questions are asked at most
+    frame_limit: int | None = None  #: so many until there is another frame
     frames: list[set[Cube]] = field(default_factory=list)
     queries: int = 0
+    _opened: int = 0  #: the questions that were asked before the last frame
     _enabled: list[int] = field(default_factory=list)  #: per frame, the literal that turns it on
     _latch: list[int] = field(default_factory=list)
     _next: list[int] = field(default_factory=list)
@@ -121,7 +123,11 @@ class Ic3Run(Struct):
                 return Unfinished(frame)
 
     def _is_over(self) -> bool:
-        return self.deadline.passed() or (self.limit is not None and self.queries > self.limit)
+        if self.limit is not None and self.queries > self.limit:
+            return True
+        if self.frame_limit is not None and self.queries - self._opened > self.frame_limit:
+            return True
+        return self.deadline.passed()
 
     # --- set-up ---------------------------------------------------------------------------------
 
@@ -155,6 +161,7 @@ class Ic3Run(Struct):
     def _open_frame(self) -> None:
         self._enabled.append(self.clauses.variable())
         self.frames.append(set())
+        self._opened = self.queries
 
     def _on(self, frame: int) -> list[int]:
         """The assumptions that activate a frame. Clauses of later frames hold in it too."""

@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 from random import Random
 
 import pysolvers
 import pytest
+from msgspec import field
 
 from koord.verify.effort import Deadline
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.clauses import FALSE_SIDE, OTHER, QUICK, TRUE_SIDE, Clauses
 from koord.verify.engines.bits.graph import Graph
-from koord.verify.engines.bits.ic3 import ClauseInvariant, Ic3Run, Reached, SafetyQuery
+from koord.verify.engines.bits.ic3 import ClauseInvariant, Ic3Run, Reached, SafetyQuery, Unfinished
 from koord.verify.engines.bits.unrolling import holds_always
 
 State = tuple[bool, ...]
@@ -176,6 +177,37 @@ def test_few_questions_are_not_enough() -> None:
     of = next(s for s in map(small, range(400)) if s.bad_after() is None and _hard(s))
     search = Ic3Run(Clauses(of.graph, QUICK), of.question, Deadline(), limit=1)
     assert not isinstance(search.run(), ClauseInvariant | Reached)
+
+
+def test_questions_of_one_frame_are_limited_by_themselves() -> None:
+    """The limit is of each frame: as many as the widest one needs are enough for all."""
+    more = fewer = 0
+    for of in map(small, range(150)):
+        free = _Counted(Clauses(of.graph, QUICK), of.question, Deadline())
+        found = free.run()
+        if not isinstance(found, ClauseInvariant):
+            continue
+        marks = [0, *free.opened, free.queries]
+        most = max(after - before for before, after in pairwise(marks))
+        assert _limited(of, most) == found
+        more += most < free.queries
+        fewer += isinstance(_limited(of, 1), Unfinished)
+    assert more >= 10
+    assert fewer >= 10
+
+
+class _Counted(Ic3Run):
+    """A run that remembers how many questions were asked when it opened each frame."""
+
+    opened: list[int] = field(default_factory=list)
+
+    def _open_frame(self) -> None:
+        super()._open_frame()
+        self.opened.append(self.queries)
+
+
+def _limited(of: Small, most: int) -> object:
+    return Ic3Run(Clauses(of.graph, QUICK), of.question, Deadline(), frame_limit=most).run()
 
 
 def _hard(of: Small) -> bool:
