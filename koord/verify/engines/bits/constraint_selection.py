@@ -80,10 +80,12 @@ def projected(g: Graph, number: Number, inputs: set[int]) -> int:
     return among(frozenset(range(number.low, number.high + 1)), bits)
 
 
-def narrowed(circuit: Circuit, claims: Sequence[Claim], given: Iterable[int]) -> SafetyQuery:
+def narrowed(
+    circuit: Circuit, claims: Sequence[Claim], given: Iterable[int], *, between: bool
+) -> SafetyQuery:
     """The query whether one of the claims can break, with the related constraints only.
 
-    Claims are judged in the states between rounds, where that is as good. [T-ROUND-ENDS]
+    Claims are judged in the states ``between`` rounds, where that is as good. [T-ROUND-ENDS]
     That numbers are in their ranges is none of them: whoever goes back from a bad state would have
     to show it of all, and it holds of all that is reached.
     """
@@ -108,7 +110,7 @@ def narrowed(circuit: Circuit, claims: Sequence[Claim], given: Iterable[int]) ->
     required = {phase: kept & parts for phase, parts in needed.items()}
     violated: list[int] = []
     for claim in claims:
-        in_state = broken_in_state(circuit, claim, required, kept)
+        in_state = broken_in_state(circuit, claim, required, kept) if between else None
         if in_state is None:
             ways = circuit.broken[claim]
             violated += [g.all_of([when, *required[phase]]) for phase, when in ways]

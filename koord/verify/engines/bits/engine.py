@@ -286,7 +286,11 @@ class _Run:
         narrow = exchange = True
         while claims := self.open():
             given = [circuit.held[c] for c in self.ledger.proved() if c in circuit.held]
-            question = (narrowed if narrow else everything)(circuit, claims, given)
+            question = (
+                narrowed(circuit, claims, given, between=self._looks_between(claims))
+                if narrow
+                else everything(circuit, claims, given)
+            )
             found = self._searched(question, claims, exchange=exchange)
             match found:
                 case ic3.ClauseInvariant():
@@ -317,6 +321,15 @@ class _Run:
                     who = "PDR" if self.engine is Engine.ABC else "IC3"
                     self.no_invariant = NoInvariant(self.engine, who)
                     return
+
+    def _looks_between(self, claims: Sequence[Claim]) -> bool:
+        """Return whether claims are best judged between rounds. [T-ROUND-ENDS]
+
+        IC3 has a claim of its own sooner where rounds break it: what it goes back from are the
+        lemmas, then. Of several claims each is the others' lemma, and their bad states are few.
+        """
+        stated = sum(claim in self.circuit.held for claim in claims)
+        return self.engine is Engine.ABC or stated > 1
 
     def _searched(
         self, question: ic3.SafetyQuery, claims: Sequence[Claim], *, exchange: bool

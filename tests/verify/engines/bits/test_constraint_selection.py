@@ -32,7 +32,8 @@ def test_every_step_and_every_mistake_is_one_of_the_narrow_question() -> None:
         g = circuit.d.graph
         next_ = {latch.literal >> 1: latch.next for latch in circuit.latches}
         for claim in circuit.bad:
-            whole, narrow = (ask(circuit, [claim], []) for ask in (everything, narrowed))
+            whole = everything(circuit, [claim], [])
+            narrow = narrowed(circuit, [claim], [], between=True)
             then = g.both(narrow.steps, g.substituted(narrow.bad, next_))
             clauses = Clauses(g, QUICK)
             steps, bad = (clauses.of(of) for of in (whole.steps, whole.bad))
@@ -44,6 +45,17 @@ def test_every_step_and_every_mistake_is_one_of_the_narrow_question() -> None:
             clauses.close()
     assert fewer >= 10
     assert between >= 2
+
+
+def test_within_rounds_every_mistake_is_one_of_the_round() -> None:
+    for seed, circuit in circuits():
+        for claim in circuit.bad:
+            whole = everything(circuit, [claim], [])
+            narrow = narrowed(circuit, [claim], [], between=False)
+            clauses = Clauses(circuit.d.graph, QUICK)
+            now, ever = clauses.of(narrow.bad), clauses.of(whole.bad)
+            assert not clauses.solve([ever, -now]), (seed, claim.name)
+            clauses.close()
 
 
 def test_with_all_constraints_it_is_the_circuit_wherever_numbers_are_in_range() -> None:

@@ -21,7 +21,7 @@ def queries() -> list[tuple[int, Circuit, SafetyQuery, SafetyQuery]]:
     """Queries of generated programs, by their seeds, each with what is made of it."""
     found = []
     for seed, circuit in circuits():
-        asked = narrowed(circuit, list(circuit.bad), ())
+        asked = narrowed(circuit, list(circuit.bad), (), between=True)
         made = with_legal_choices(circuit.d.graph, asked, choices_of(circuit))
         found.append((seed, circuit, asked, made))
     return found
