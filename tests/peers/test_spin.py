@@ -111,6 +111,7 @@ def test_spin_agrees(seeds: range, tmp_path: Path) -> None:
 
 
 @needs_spin
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", blocks(15, of=30, count=4))
 def test_spin_agrees_late(seeds: range, tmp_path: Path) -> None:
     """Programs in stages. With those above all of these are more than a hundred."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import socket
 import sys
 
+import pytest
+
 from koord.testing.conformance import Finding, Subject, Verdict
 from koord.testing.conformance.bench import Call
 from koord.testing.conformance.beside import GROUPS, LAST, beside, judged
@@ -46,6 +48,7 @@ def test_each_group_has_a_process_of_its_own() -> None:
     assert {one.verdict for one in found if one.check == "options"} == {Verdict.PASSED}
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_fails_its_checks() -> None:
     found, _ = made("options", "capabilities", "second", target="tests.testing.faulty:dies")
     failed = {one.check: one for one in found if one.verdict is Verdict.FAILED}
@@ -67,6 +70,7 @@ def test_calls_of_all_are_judged() -> None:
     assert late.measures[-1].seen.startswith("`sense` while the other side is gone: 95 % in 300.0")
 
 
+@pytest.mark.slow
 def test_whether_calls_wait_can_be_asked_alone() -> None:
     ((blocks,), (lane,)) = made("blocks")
     assert (blocks.check, lane.checks) == ("blocks", ("blocks",))

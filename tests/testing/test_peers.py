@@ -55,6 +55,7 @@ def test_what_takes_no_time_is_seen_of_an_autopilot() -> None:
     assert told.count("passed") == 7
 
 
+@pytest.mark.slow
 def test_checks_side_by_side_find_what_they_find_one_after_the_other() -> None:
     """(P-KIT-JOBS)"""
     only = ("opens", "pose", "second", "blocks", "options")
