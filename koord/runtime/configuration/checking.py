@@ -241,7 +241,7 @@ class _Checker(FormReader):
     ) -> RobotPlace:
         name, device, where = self._device(form, agent, path)
         device, own = _addressed(device, agent)
-        agent = self._suiting(name, device, where, agent, path)
+        agent = self._suiting(name, device, agent, path)
         kind = (name, where, agent.motion_automaton)
         vehicle = self._vehicles.get(kind)
         if vehicle is None:
@@ -262,15 +262,11 @@ class _Checker(FormReader):
         address = (ip, port)
         return RobotPlace(agent.pid, vehicle, agent.kind, place, address, agent.heading, path)
 
-    def _suiting(self, name: str, device: Device, where: Path, agent: Agent, path: Path) -> Agent:
+    def _suiting(self, name: str, device: Device, agent: Agent, path: Path) -> Agent:
         """The agent with a motion automaton that its device has. (P-ROS-PUBLISHED)"""
         automata, automaton = automata_of(device), agent.motion_automaton
         own = (*path, "motion_automaton")
-        if automata:
-            at = where if device.motion_automata else (*where, "motion")
-            for i, one in enumerate(automata):
-                self._check_automaton(one, (*at, "motion_automata", i))
-        elif automaton is not None:
+        if automaton is not None and not automata:
             self._check_automaton(automaton, own)
         if automaton is None or not automata or automaton in automata:
             return agent
@@ -326,6 +322,9 @@ class _Checker(FormReader):
         world: World | None,
     ) -> Vehicle:
         """Make the vehicle of a device, with its limits and its localiser."""
+        stated = where if device.motion_automata else (*where, "motion")
+        for i, one in enumerate(automata_of(device)):
+            self._check_automaton(one, (*stated, "motion_automata", i))
         safety = self._safety(form, device, where, world)
         localiser = stated_localiser(form, device, where, driven=driver_of(device) is not None)
         for flawed, story, cure in localiser.flaws:
