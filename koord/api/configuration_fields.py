@@ -11,7 +11,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from koord.api.configuration_texts import is_configuration
+from koord.api.configuration_texts import is_configuration, outermost_fields
 from koord.api.field_comments import field_comments
 from koord.runtime.configuration import forms
 from koord.runtime.configuration.reading import read_any
@@ -78,7 +78,8 @@ def fields_for(source: Source, line: int, column: int) -> FieldCompletions | Non
         return None
     start = len(before[1])
     path = _around(lines[: line - 1], start)
-    given = _outermost(lines[: line - 1] + lines[line:]) if not path else set[str]()
+    others = lines[: line - 1] + lines[line:]
+    given = set[str]() if path else outermost_fields("\n".join(others))
     fields = tuple(one for one in _fields(path) if one.name not in given)
     return FieldCompletions(Span(source.name, line, start + 1, line, column), fields)
 
@@ -92,10 +93,6 @@ def _around(lines: Sequence[str], indent: int) -> list[str]:
             indent = len(found[1])
             path.insert(0, found[3])
     return path
-
-
-def _outermost(lines: Iterable[str]) -> set[str]:
-    return {found[3] for line in lines if (found := _NAMED.match(line)) and not found[1]}
 
 
 # --- forms ----------------------------------------------------------------------------------------

@@ -45,8 +45,13 @@ def is_configuration(text: str) -> bool:
     >>> is_configuration("name: ci\non: push\n")
     False
     """
-    names = {name for _, name in _NAME.findall(text)}
+    names = outermost_fields(text)
     return not names.isdisjoint(_ROBOTS) and 2 * len(names & _FIELDS) >= len(names)
+
+
+def outermost_fields(text: str) -> set[str]:
+    """The names of the outermost fields of a text of YAML, which may have mistakes."""
+    return {name for _, name in _NAME.findall(text)}
 
 
 def checked_text(name: str, path: Path | None, text: str, opened: OpenTexts) -> CheckedText:

@@ -688,9 +688,7 @@ def _register(server: KoordServer) -> None:
         uri, at = params.text_document.uri, params.position
         if server.is_yaml(uri):
             return await server.ask_configuration(uri, lambda places: field_hover(places, at))
-        return await server.ask(
-            params.text_document.uri, lambda d, at: features.hover(d, at, params.position)
-        )
+        return await server.ask(uri, lambda d, places: features.hover(d, places, at))
 
     @feature(types.TEXT_DOCUMENT_DEFINITION)
     async def definition(params: types.DefinitionParams) -> types.Location | None:
