@@ -76,15 +76,24 @@ def _entries(v: Sorts, value: Term, type_: MapType) -> Term:
 
 def _found(v: Sorts, value: Term, key: Value, type_: MapType) -> Term:
     """The optional value under a key."""
-    if value.head == part_name(type_, "overwritten"):
-        old, new = (_found(v, one, key, type_) for one in value.args)
-        return v.t.ite(_is_some(v, new, type_), new, old)
-    if value.head == "ite":
-        condition, then, otherwise = value.args
-        branches = (_found(v, one, key, type_) for one in (then, otherwise))
-        return v.t.ite(condition, *branches)
     packed = v.pack(key, type_.key)
-    return v.t.op("select", [_entries(v, value, type_), packed], entry_sort(type_))
+    known: dict[int, Term] = {}  # of maps, by their ids: both branches of a choice may share most
+
+    def found(one: Term) -> Term:
+        if id(one) not in known:
+            known[id(one)] = looked_up(one)
+        return known[id(one)]
+
+    def looked_up(one: Term) -> Term:
+        if one.head == part_name(type_, "overwritten"):
+            old, new = map(found, one.args)
+            return v.t.ite(_is_some(v, new, type_), new, old)
+        if one.head == "ite":
+            condition, then, otherwise = one.args
+            return v.t.ite(condition, found(then), found(otherwise))
+        return v.t.op("select", [_entries(v, one, type_), packed], entry_sort(type_))
+
+    return found(value)
 
 
 def _is_some(v: Sorts, found: Term, type_: MapType) -> Term:

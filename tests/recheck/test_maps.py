@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from koord.recheck import maps, terms
 from koord.recheck.checking import RecheckOutcome
+from koord.recheck.sorts import Sorts
+from koord.recheck.terms import Terms
+from koord.syntax.types import BOOL, INT, MapType
 from koord.verify.engine_names import Engine
 from tests.recheck.certificates import rechecked, with_text
 from tests.recheck.test_found import made
@@ -231,3 +235,16 @@ def test_what_is_supposed_of_all_maps_is_not_supposed_of_what_is_none() -> None:
     assert rechecked(document).outcome is RecheckOutcome.CONFIRMED
     with_text(document, "n = 1\n", "n = 2\n")
     assert rechecked(document).outcome is RecheckOutcome.REFUTED
+
+
+def test_a_chain_of_maps_that_may_be_merged_is_looked_into_once_a_link() -> None:
+    """What is behind a choice is the same on both sides."""
+    type_ = MapType(INT, BOOL)
+    v = Sorts(Terms(), 1)
+    map_ = v.t.symbol("m", v.sort(type_))
+    for link in range(60):
+        other = v.t.symbol(f"m{link}", v.sort(type_))
+        merged = maps.overwritten(v, map_, other, type_)
+        map_ = v.t.ite(v.t.symbol(f"c{link}", terms.BOOL), merged, map_)
+    asked = maps.has(v, map_, v.t.integer(0), type_)
+    assert len(list(terms.subterms([asked]))) < 60 * 12
