@@ -6,7 +6,7 @@ import sys
 
 from tests.mutants.catalogue import MUTANTS
 from tests.mutants.caught import keep
-from tests.mutants.harness import tried
+from tests.mutants.harness import passes, tried
 
 
 def main(names: list[str]) -> int:
@@ -16,10 +16,12 @@ def main(names: list[str]) -> int:
         if names and not any(name in mutant.name for name in names):
             continue
         outcome = tried(mutant)
-        survivors += not outcome.caught_by
-        if "::" in outcome.caught_by:
+        name = outcome.caught_by.rpartition("::")[2]
+        fails_anyway = name != outcome.caught_by and not passes(outcome.caught_by)
+        survivors += fails_anyway or not outcome.caught_by
+        if name != outcome.caught_by and not fails_anyway:
             keep(mutant.name, outcome.caught_by)
-        test = outcome.caught_by.rpartition("::")[2] or outcome.caught_by or "SURVIVED"
+        test = f"FAILS WITHOUT IT, TOO: {name}" if fails_anyway else name or "SURVIVED"
         print(f"{mutant.name:52} {outcome.seconds:5.1f} s  {test}", flush=True)
     return survivors
 

@@ -67,6 +67,11 @@ def _caught_by(mutant: Mutant, marks: str, timeout_s: int) -> str:
     return found[1] if found is not None else ""
 
 
+def passes(test: str) -> bool:
+    """Whether a test passes where there is no mistake: only then it says something of a mutant."""
+    return _pytest((test,), "", "slow or generated or not slow", RUNS[1][1]).returncode == PASSED
+
+
 def untouched(mutants: Iterable[Mutant]) -> str:
     """What the mutants' tests say of the program as it is: nothing if all pass."""
     tests = dict.fromkeys(test for mutant in mutants for test in mutant.tests)
