@@ -172,10 +172,11 @@ def in_flags(message: str) -> str:
 def _for_terminal(diagnostic: Diagnostic) -> Diagnostic:
     """A diagnostic of the public API, in the words of the command line."""
     span, hint = diagnostic.span, diagnostic.hint
-    file = _FLAGS.get(span.file[1:-1], span.file) if span.file.startswith("<") else span.file
+    if span != NOWHERE and span.file.startswith("<"):
+        span = replace(span, file=_FLAGS.get(span.file[1:-1], span.file))
     return replace(
         diagnostic,
-        span=replace(span, file=file),
+        span=span,
         message=in_flags(diagnostic.message),
         hint=None if hint is None else in_flags(hint),
     )

@@ -59,6 +59,15 @@ def test_a_place_without_a_text_has_no_excerpt() -> None:
     assert list(render(inside, {})) == ["koord: error K205: wrong"]
 
 
+def test_an_argument_is_named_by_its_flag_and_what_is_no_file_is_no_argument() -> None:
+    report, out = DiagnosticReport(), io.StringIO()
+    given = Span("<robots>", 1, 1, 1, 2)
+    report.add(Diagnostic("K932", Severity.ERROR, span, "wrong") for span in (NOWHERE, given))
+    report.print(out, as_json=False)
+    places = [line.split(" error")[0] for line in out.getvalue().splitlines()[:2]]
+    assert places == ["koord:", "--robots:1:1:"]
+
+
 def test_messages_of_several_lines_are_indented() -> None:
     several = Diagnostic("K205", Severity.ERROR, NOWHERE, "wrong:\nthis\nthat", "do\nundo")
     assert list(render(several, {})) == [
