@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from random import Random
+
 import pytest
 from msgspec.structs import replace
 
 from koord.runtime.chaos.network import CALM, CHAOS, LOSS, Faults, Network
 from koord.runtime.chaos.storm import Ledgers, StormPlan, Weathered, weather
+from koord.runtime.protocol.messages import Acknowledge
 from koord.runtime.protocol.setup import Setup, Timing
 from tests.sampling import first
 
@@ -31,6 +34,42 @@ def test_on_a_calm_network_nobody_is_late(robots: int) -> None:
     assert weathered.rounds_in_storm >= 27
     if robots > 1:
         assert weathered.datagrams <= (2 * robots + 2) * (weathered.rounds + 2)
+
+
+class Waiting:
+    """Stands for a robot that has something to do at a time."""
+
+    def __init__(self, due: float) -> None:
+        self.due: float | None = due
+        self.woken_s: list[float] = []
+
+    def receive(self, *_message: object) -> None:
+        """It waits on."""
+
+    def wake(self, now: float) -> None:
+        self.woken_s.append(now)
+        self.due = None
+
+
+def test_who_waits_is_woken_when_it_is_time_and_not_a_rounding_before_it() -> None:
+    random = Random(1)
+    now, due = next(
+        (a, b)
+        for a, b in ((random.uniform(0, 0.05), random.uniform(0.05, 0.09)) for _ in range(10_000))
+        if a + (b - a) < b
+    )
+    setup = Setup(2, Timing.of(0.1, 2))
+    network = Network(
+        setup, replace(CALM, least_delay_s=0, most_delay_s=0), 1, Ledgers(setup).switch_on
+    )
+    waiting = Waiting(due)
+    network.nodes[1] = waiting  # type: ignore[call-overload]
+    network.now = now
+    vars(network)["_due"].clear()  # nothing else happens
+    network.post(0, 1, Acknowledge(0, 0, b""))
+    while not waiting.woken_s and network.now < 0.09:
+        network.step()
+    assert waiting.woken_s == [due]
 
 
 @pytest.mark.parametrize("seed", first(12, range(40)))

@@ -233,17 +233,20 @@ class Network:
     # --- time -----------------------------------------------------------------------------------
 
     def _later(self, after_s: float, what: Occurrence) -> None:
+        self._at(self.now + after_s, what)
+
+    def _at(self, time_s: float, what: Occurrence) -> None:
         self._number += 1
-        heappush(self._due, (self.now + after_s, self._number, what))
+        heappush(self._due, (time_s, self._number, what))
 
     def _await(self, robot: int) -> None:
         node = self.nodes[robot]
         due = None if node is None else node.due
         if due is not None:
-            after_s = max(0.0, due - self.now)
-            if self._awaited[robot] != self.now + after_s:
-                self._awaited[robot] = self.now + after_s
-                self._later(after_s, Wake(robot))
+            wake_s = max(self.now, due)  # and no sum, which may be rounded to before it
+            if self._awaited[robot] != wake_s:
+                self._awaited[robot] = wake_s
+                self._at(wake_s, Wake(robot))
 
     # --- crashes and cuts -----------------------------------------------------------------------
 
