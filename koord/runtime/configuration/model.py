@@ -30,11 +30,6 @@ class MotionAutomaton(Enum):
     #: hears way-points.
     HECTOR = "MoatHectorQuadrotor"
 
-    @property
-    def frame(self) -> str:
-        """The `frame_id` of way-points. It is no frame: 1 asks to be told of the arrival."""
-        return "1"
-
 
 class Vehicle(Struct, frozen=True):
     """The vehicle that a robot runs on."""

@@ -24,6 +24,9 @@ from koord.runtime.motion.world import Point
 #: Set-points a second that controllers of ROS expect.
 _RATE_HZ = 20.0
 
+#: The `frame_id` of way-points for published automata: no frame, but a wish to hear of arrivals.
+_ASKS_FOR_AN_ANSWER = "1"
+
 #: While it is waited for the vehicle, it is looked for after this.
 _LOOK_S = 0.01
 
@@ -90,8 +93,9 @@ class RosDriver(ABC):
 
     @property
     def _waypoint_frame(self) -> str | None:
-        automaton = self.options.motion_automaton
-        return None if automaton is None or not self.plan.by_waypoints else automaton.frame
+        """The `frame_id` of way-points; None: that of poses."""
+        is_published = self.options.motion_automaton is not None and self.plan.by_waypoints
+        return _ASKS_FOR_AN_ANSWER if is_published else None
 
     @abstractmethod
     def graph(self) -> Graph:

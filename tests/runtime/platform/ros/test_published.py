@@ -94,8 +94,7 @@ def test_a_device_that_names_topics_is_driven_by_the_ros_that_is_set_up(of_ros_2
     made, options, problems = drivers(CONFIGURATION)
     assert problems == []
     assert made == {0: Ros2Driver, 1: Ros2Driver}
-    frames = {one.motion_automaton.frame for one in options.values()}
-    assert frames == {"1"}
+    assert all(one.motion_automaton is not None for one in options.values())
 
 
 @pytest.mark.parametrize(
