@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 from docs.generator.markdown import code, plain, slug, table
-
-Schema = Mapping[str, Any]
+from koord.api.schema_words import Schema, name_of, type_in_words
 
 #: What is said of a field besides its description in the schema: by object and field.
 Said = Callable[[str, str], str]
@@ -20,7 +18,7 @@ def sections(schema: Schema, said: Said = lambda name, field: "") -> str:
     definitions = schema.get("$defs", {})
     whole = schema
     if "$ref" in schema:
-        first = _name(schema["$ref"])
+        first = name_of(schema["$ref"])
         text += f"\nThe file is a [{first}](#{slug(first)}).\n"
     elif "properties" in schema:
         text += "\n" + _object("", whole, said)
@@ -53,65 +51,6 @@ def _object(name: str, schema: Schema, said: Said) -> str:
     return table(("field", "is", "default", "what it says"), rows)
 
 
-def _name(reference: str) -> str:
-    return reference.rpartition("/")[2]
-
-
 def _type(schema: Schema | bool) -> str:
-    """The type of a value, in words."""
-    if isinstance(schema, bool) or not schema:
-        return "anything"
-    if "$ref" in schema:
-        name = _name(schema["$ref"])
-        return f"[{name}](#{slug(name)})"
-    for word in ("anyOf", "oneOf"):
-        if word in schema:
-            return " or ".join(dict.fromkeys(map(_type, schema[word])))
-    if "allOf" in schema:
-        return " and ".join(map(_type, schema["allOf"]))
-    if "const" in schema:
-        return code(json.dumps(schema["const"]))
-    if "enum" in schema:
-        return ", ".join(code(json.dumps(one, ensure_ascii=False)) for one in schema["enum"])
-    kinds = schema.get("type", "anything")
-    if isinstance(kinds, str):
-        kinds = [kinds]
-    return " or ".join(_one_type(kind, schema) for kind in kinds)
-
-
-def _one_type(kind: str, schema: Schema) -> str:
-    match kind:
-        case "array":
-            return _array(schema)
-        case "object":
-            values = schema.get("additionalProperties", True)
-            if "properties" in schema:
-                fields = ", ".join(
-                    f"{code(field)}: {_type(form)}" for field, form in schema["properties"].items()
-                )
-                return f"object ({fields})"
-            return "object" if isinstance(values, bool) else f"object of {_type(values)}"
-        case "integer" | "number":
-            return kind + _range(schema)
-        case "string" if "pattern" in schema:
-            return f"string {code(schema['pattern'])}"
-        case _:
-            return kind
-
-
-def _array(schema: Schema) -> str:
-    if "prefixItems" in schema:
-        return f"[{', '.join(map(_type, schema['prefixItems']))}]".replace("[", "\\[", 1)
-    least, most = schema.get("minItems"), schema.get("maxItems")
-    inner = _type(schema["items"]) if "items" in schema else "anything"
-    if least is not None and least == most:
-        return f"list of {least} × {inner}"
-    if least is not None and most is not None:
-        return f"list of {least} to {most} × {inner}"
-    return f"list of {inner}"
-
-
-def _range(schema: Schema) -> str:
-    marks = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
-    bounds = [f"{mark} {schema[word]}" for word, mark in marks.items() if word in schema]
-    return f" {' and '.join(bounds)}" if bounds else ""
+    """The type of a value, in words, with links to what it names."""
+    return type_in_words(schema, lambda name: f"[{name}](#{slug(name)})", code)

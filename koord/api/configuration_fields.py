@@ -1,30 +1,23 @@
-"""The fields of configurations, for editors: what one means, and which could stand at a place."""
+"""The fields of configurations, for editors: what one means, and what could stand at a place."""
 
 from __future__ import annotations
 
 import inspect
 import json
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cache
-from typing import Any
+from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
-from koord.api.configuration_texts import is_configuration, outermost_fields
+from koord.api.configuration_cursor import cursor_at
+from koord.api.configuration_forms import definition, forms_at, mappings
+from koord.api.configuration_values import Asked, ConfigurationValue, declared, values_at
+from koord.api.editing import SymbolKind
 from koord.api.field_comments import field_comments
+from koord.api.schema_words import Schema, type_in_words
 from koord.runtime.configuration import forms
 from koord.runtime.configuration.reading import read_any
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Source, Span
-
-Schema = Mapping[str, Any]
-
-#: What stands before the cursor where the name of a field is written, in a line of its own.
-_BEFORE = re.compile(r"((?: |- )*)(\w*)")
-
-#: A line that begins with the name of a field; dashes of lists indent as spaces do.
-_NAMED = re.compile(r"((?: |- )*)([\"']?)([\w.-]+)\2[ \t]*:(?:\s|$)")
 
 
 class ConfigurationField(Struct, frozen=True):
@@ -43,17 +36,23 @@ class ConfigurationField(Struct, frozen=True):
         return f"`{self.name}`: {self.type}{usual}" + (f"\n\n{self.story}" if self.story else "")
 
 
-class FieldCompletions(Struct, frozen=True):
-    """The fields that could stand at a place, and the word that they replace."""
+class ConfigurationCompletions(Struct, frozen=True):
+    """The fields, or the values, that could stand at a place, and the word that they replace.
+
+    Where ``is_named`` a colon follows already.
+    """
 
     span: Span
-    fields: tuple[ConfigurationField, ...]
+    fields: tuple[ConfigurationField, ...] = ()
+    values: tuple[ConfigurationValue, ...] = ()
+    is_named: bool = False
 
 
 def field_at(source: Source, line: int, column: int) -> tuple[Span, ConfigurationField] | None:
-    """The field whose name is at a place; None if there is none, or the text is not YAML."""
-    if not is_configuration(source.text):
-        return None
+    """The field whose name is at a place; None if there is none, or the text is not YAML.
+
+    The text is a configuration (:func:`~koord.api.configuration_texts.configuration_text`).
+    """
     try:
         document = read_any(source)
     except KoordError:
@@ -67,50 +66,44 @@ def field_at(source: Source, line: int, column: int) -> tuple[Span, Configuratio
     return None
 
 
-def fields_for(source: Source, line: int, column: int) -> FieldCompletions | None:
-    """The fields that could be written at a place; None where no name of a field can stand.
+def completions_at(
+    source: Source, line: int, column: int, program: Source | None = None
+) -> ConfigurationCompletions | None:
+    """The fields or values that could be written at a place; None where none are known.
 
-    The lines above say what the place is in. Outermost fields that are given are not offered.
+    The text is a configuration, whose program says which params, modules and kinds of robot there
+    are. Fields that stand there are not offered again.
     """
-    lines = source.text.split("\n")
-    before = _BEFORE.fullmatch(source.line_text(line)[: column - 1])
-    if before is None or not is_configuration(source.text):
+    cursor = cursor_at(source, line, column)
+    if cursor is None:
         return None
-    start = len(before[1])
-    path = _around(lines[: line - 1], start)
-    others = lines[: line - 1] + lines[line:]
-    given = set[str]() if path else outermost_fields("\n".join(others))
-    fields = tuple(one for one in _fields(path) if one.name not in given)
-    return FieldCompletions(Span(source.name, line, start + 1, line, column), fields)
+    if cursor.is_name:
+        known = [*_fields(cursor.path), *_of_program(cursor.path, program)]
+        fields = tuple(one for one in known if one.name not in cursor.beside)
+        if known:
+            return ConfigurationCompletions(cursor.span, fields, is_named=cursor.is_named)
+    values = values_at(Asked(cursor, source, program))
+    return ConfigurationCompletions(cursor.span, values=values) if values else None
 
 
-def _around(lines: Sequence[str], indent: int) -> list[str]:
-    """The names of the fields around a place with this indent, behind these lines."""
-    path: list[str] = []
-    for line in reversed(lines):
-        found = _NAMED.match(line)
-        if found is not None and len(found[1]) < indent:
-            indent = len(found[1])
-            path.insert(0, found[3])
-    return path
+def _of_program(path: tuple[str, ...], program: Source | None) -> Iterator[ConfigurationField]:
+    """The fields whose names are those of a program's params and modules."""
+    kind = None
+    if path == ("params",):
+        kind = SymbolKind.PARAM
+    elif path[-1:] == ("modules",):
+        kind = SymbolKind.MODULE
+    for one in () if kind is None else declared(program, kind):
+        yield ConfigurationField(one.name, f"{one.kind.value} of the program", one.story)
 
 
 # --- forms ----------------------------------------------------------------------------------------
 
 
-@cache
-def _schema() -> Schema:
-    return forms.json_schema()
-
-
 def _fields(path: Iterable[str]) -> list[ConfigurationField]:
     """The fields of what stands at a path of names."""
-    here = list(_objects(_schema()))
-    for name in path:
-        values = [value for one in here if (value := _value(one, name)) is not None]
-        here = [one for value in values for one in _objects(value)]
     found: dict[str, ConfigurationField] = {}
-    for one in here:
+    for one in forms_at(path):
         form = getattr(forms, one.get("title", ""), None)
         comments = field_comments(form) if inspect.isclass(form) else {}
         for name, value in one.get("properties", {}).items():
@@ -118,26 +111,8 @@ def _fields(path: Iterable[str]) -> list[ConfigurationField]:
     return list(found.values())
 
 
-def _value(schema: Schema, name: str) -> Schema | None:
-    """The schema of a field of an object."""
-    found = schema.get("properties", {}).get(name, schema.get("additionalProperties"))
-    return found if isinstance(found, Mapping) else None
-
-
-def _objects(schema: Schema) -> Iterator[Schema]:
-    """The objects that a value may be, or have in a list."""
-    if "$ref" in schema:
-        yield from _objects(_schema()["$defs"][schema["$ref"].rpartition("/")[2]])
-    for one in schema.get("anyOf", ()):
-        yield from _objects(one)
-    if isinstance(schema.get("items"), Mapping):
-        yield from _objects(schema["items"])
-    if "properties" in schema or isinstance(schema.get("additionalProperties"), Mapping):
-        yield schema
-
-
 def _field(name: str, schema: Schema, comment: str) -> ConfigurationField:
-    inner = list(_objects(schema))
+    inner = list(mappings(schema))
     described = (one["description"] for one in inner if "description" in one)
     told = [comment, *map(inspect.cleandoc, described)]
     default = schema.get("default")
@@ -147,23 +122,10 @@ def _field(name: str, schema: Schema, comment: str) -> ConfigurationField:
 
 
 def _type(schema: Schema) -> str:
-    """The type of a value, in words."""
-    if "$ref" in schema:
-        return _type(_schema()["$defs"][schema["$ref"].rpartition("/")[2]])
-    if "anyOf" in schema:
-        given = (_type(one) for one in schema["anyOf"] if one.get("type") != "null")
-        return " or ".join(dict.fromkeys(given))
-    if "enum" in schema:
-        return ", ".join(f"`{one}`" for one in schema["enum"])
-    kinds = {"array": "list", "object": "fields", "string": "text", "boolean": "true or false"}
-    word = str(schema.get("type", "anything"))
-    bounds = [
-        f"{sign} {schema[of]:g}"
-        for of, sign in (
-            ("minimum", "≥"),
-            ("exclusiveMinimum", ">"),
-            ("maximum", "≤"),
-        )
-        if of in schema
-    ]
-    return " ".join([kinds.get(word, word), ", ".join(bounds)]).strip()
+    """The type of a value in words; enumerations are told by their values."""
+
+    def named(name: str) -> str:
+        found = definition(name)
+        return _type(found) if "enum" in found else name
+
+    return type_in_words(schema, named, lambda value: f"`{value}`")

@@ -18,6 +18,7 @@ from koord.runtime.configuration.gazebo_files import finder
 from koord.runtime.configuration.keys import new_key as new_key
 from koord.runtime.configuration.keys import write_key as write_key
 from koord.runtime.configuration.model import RunConfiguration, params
+from koord.runtime.configuration.scenes import in_scene, read_scene
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import Source, counted
 
@@ -65,13 +66,17 @@ class ConfigurationReport(Result, frozen=True):
 
 
 def check_configuration(
-    text: Text, program: Loadable | None = None, site: Text | None = None
+    text: Text,
+    program: Loadable | None = None,
+    site: Text | None = None,
+    scene: Text | None = None,
 ) -> ConfigurationReport:
     """Check a configuration, and a program with it; return all diagnostics.
 
-    ``text`` is the name of a file, or a text, and so is ``site``: what the configuration does not
-    say (:func:`koord.read_configuration`). Without a program, the one beside the file counts, if
-    there is one of its name. Mistakes are data: nothing is raised for them.
+    ``text`` is the name of a file, or a text, and so are ``site``, what the configuration does not
+    say, and ``scene``, where robots begin (:func:`koord.read_configuration`). Without a program,
+    the one beside the file counts, if there is one of its name. Mistakes are data: nothing is
+    raised for them.
 
     >>> koord.check_configuration("task.yaml").errors
     ()
@@ -85,6 +90,9 @@ def check_configuration(
         if site is not None:
             sources.append(source_of(site))
         configuration = load_configuration(*sources)
+        if scene is not None:
+            sources.append(source_of(scene))
+            configuration = in_scene(configuration, read_scene(sources[-1]))
         found += drivers_of(configuration, registry(), localiser_registry(), drives=False)[1]
         if program is None:
             found += configuration.warnings

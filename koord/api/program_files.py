@@ -73,7 +73,7 @@ def program_files(path: Path, text: str, opened: OpenTexts) -> ProgramFiles:
     >>> program_files(Path("properties.krd"), text, lambda path: None).main.name
     'app.krd'
     """
-    folder = _Folder(path, text, opened)
+    folder = Folder(path, text, opened)
     main = folder.main_of(path, text)
     if main != path:
         found = folder.text(main)
@@ -103,7 +103,7 @@ def program_beside(path: Path, opened: OpenTexts) -> Source | None:
     except OSError:
         return None
     found.sort(key=lambda one: len(one.stem), reverse=True)
-    folder = _Folder(path, "", opened)
+    folder = Folder(path, "", opened)
     return next((s for s in folder.sources(found) if not is_of_properties(s.text)), None)
 
 
@@ -112,7 +112,7 @@ def beside(path: Path, name: str) -> Path:
     return Path(os.path.normpath(path.parent / name))
 
 
-class _Folder:
+class Folder:
     """The programs beside a file; texts that are open are those that count."""
 
     def __init__(self, path: Path, text: str, opened: OpenTexts) -> None:
@@ -156,6 +156,14 @@ class _Folder:
         """The files of properties alone."""
         return [path for path, text in self._texts() if is_of_properties(text)]
 
+    def configurations(self) -> list[Path]:
+        """The files of YAML, unless there are too many for a project."""
+        try:
+            found = sorted(self.folder.glob("*.yaml"))
+        except OSError:
+            return []
+        return found if len(found) <= _MOST_FILES else []
+
     def _programs(self) -> Iterator[tuple[Path, _Said]]:
         for path, text in self._texts():
             if _is_program(text):
@@ -195,7 +203,23 @@ def _said(text: str) -> _Said:
     """The files and params that a text says; flags that cannot be read are passed over."""
     files: list[str] = []
     params: list[tuple[str, ParamValue]] = []
-    for told in SAID.findall(text):
+    for flag, value in flags_said(SAID, text):
+        if flag == "--with":
+            files.append(value)
+        elif flag == "--set" and "=" in value:
+            name, _, given = value.partition("=")
+            with suppress(ValueError):
+                params.append((name, read_value(given)))
+    return _Said(tuple(files), tuple(params))
+
+
+def flags_said(comment: re.Pattern[str], text: str) -> Iterator[tuple[str, str]]:
+    """Yield the flags with their values in the comments of a text that a pattern finds.
+
+    >>> list(flags_said(SAID, "# koord verify: --with a.krd --set n=4"))
+    [('--with', 'a.krd'), ('--set', 'n=4')]
+    """
+    for told in comment.findall(text):
         try:
             words = shlex.split(told)
         except ValueError:  # a quote that is not closed yet
@@ -206,10 +230,5 @@ def _said(text: str) -> _Said:
             if pending or not equals:
                 flag, value = pending, word
             pending = "" if flag else word
-            if flag == "--with":
-                files.append(value)
-            elif flag == "--set" and "=" in value:
-                name, _, given = value.partition("=")
-                with suppress(ValueError):
-                    params.append((name, read_value(given)))
-    return _Said(tuple(files), tuple(params))
+            if flag:
+                yield flag, value

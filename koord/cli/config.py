@@ -45,6 +45,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "of its name",
     )
     add_site(parser)
+    parser.add_argument(
+        "--scene",
+        metavar="FILE",
+        help="where robots begin, as a scene of the published simulator says (.yml)",
+    )
     add_json(parser, "the diagnostics")
     parser.epilog = "exit codes: 0 no errors, 2 errors"
 
@@ -55,10 +60,16 @@ def main(arguments: argparse.Namespace) -> int:
     return _key(arguments) if arguments.action == "key" else _check(arguments)
 
 
+def _check_is_plain(arguments: argparse.Namespace) -> None:
+    """Check that there are no flags of ``config check``. Raises ArgumentTypeError."""
+    given = (arguments.program, arguments.site, arguments.scene)
+    if any(one is not None for one in given) or arguments.json:
+        raise ArgumentTypeError("--program, --site, --scene and --json are for config check")
+
+
 def _world(arguments: argparse.Namespace) -> int:
     """Print the obstacles of a world. Raises KoordError."""
-    if arguments.program is not None or arguments.site is not None or arguments.json:
-        raise ArgumentTypeError("--program, --site and --json are for config check")
+    _check_is_plain(arguments)
     if len(arguments.files) != 1:
         raise ArgumentTypeError("config world reads one file")
     report = DiagnosticReport()
@@ -77,8 +88,7 @@ def _world(arguments: argparse.Namespace) -> int:
 
 def _key(arguments: argparse.Namespace) -> int:
     """Print a new key, or write it to a file. Raises KoordError."""
-    if arguments.program is not None or arguments.site is not None or arguments.json:
-        raise ArgumentTypeError("--program, --site and --json are for config check")
+    _check_is_plain(arguments)
     if len(arguments.files) > 1:
         raise ArgumentTypeError("config key writes one file")
     path = arguments.files[0] if arguments.files else DASH
@@ -97,7 +107,7 @@ def _check(arguments: argparse.Namespace) -> int:
     report = DiagnosticReport()
     for path in arguments.files:
         before = report.errors
-        found = check(path, arguments.program, arguments.site, report)
+        found = check(path, arguments.program, arguments.site, report, scene=arguments.scene)
         if found is not None and report.errors == before and not arguments.json:
             suits = "" if found.program is None else f", suits {visible(found.program)}"
             print(f"{visible(found.name)}: {found.summary()}{suits}")
@@ -106,14 +116,17 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def check(
-    path: str, program: str | None, site: str | None, report: DiagnosticReport
+    path: str,
+    program: str | None,
+    site: str | None,
+    report: DiagnosticReport,
+    *,
+    scene: str | None = None,
 ) -> ConfigurationReport | None:
     """Check a configuration, and a program with it; diagnostics go to the report."""
     try:
         found = check_configuration(
-            _text(path),
-            None if program is None else _text(program),
-            None if site is None else _text(site),
+            _text(path), *(None if one is None else _text(one) for one in (program, site, scene))
         )
     except KoordError as error:
         report.add(error.diagnostics)

@@ -29,7 +29,12 @@ from pygls.protocol import LanguageServerProtocol, lsp_method
 from pygls.protocol.json_rpc import MsgId
 from pygls.uris import to_fs_path
 
-from koord.api.configuration_texts import CheckedText, checked_text, load_libraries
+from koord.api.configuration_texts import (
+    CheckedText,
+    checked_text,
+    configuration_text,
+    load_libraries,
+)
 from koord.api.editing import Document, Source, Span, SymbolKind, document, normalise
 from koord.api.html import html
 from koord.api.program_files import beside, program_files
@@ -172,6 +177,7 @@ class KoordServer(LanguageServer):
         self.texts: dict[str, OpenText] = {}
         self.verifiers: dict[Path | str, Verifier] = {}  #: by the program's own file
         self.analysts = ThreadPoolExecutor(1, "analysis")
+        self.checkers = ThreadPoolExecutor(1, "configurations")  #: which wait for no program
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         _register(self)
 
@@ -217,7 +223,8 @@ class KoordServer(LanguageServer):
             verifier.close(2.0)
         self.texts.clear()
         self.verifiers.clear()
-        self.analysts.shutdown(wait=False, cancel_futures=True)
+        for threads in (self.analysts, self.checkers):
+            threads.shutdown(wait=False, cancel_futures=True)
         if self._folder is not None:
             self._folder.cleanup()
             self._folder = None
@@ -261,11 +268,27 @@ class KoordServer(LanguageServer):
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self.analysts, question, *known)
 
-    async def ask_configuration(self, uri: str, question: Callable[[Places], T | None]) -> T | None:
-        """Ask about the text of a configuration, which has to be open, beside the loop."""
-        source = Source(file_name(uri), normalise(self.texts[uri].text))
-        loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self.analysts, question, Places(source, self.encoding))
+    async def ask_configuration(
+        self, uri: str, question: Callable[[Places, Source | None], T | None]
+    ) -> T | None:
+        """Ask about an open text of YAML and its program, beside the loop.
+
+        None, if it is neither a configuration nor the site of one.
+        """
+        text, opened = self.texts[uri], self._opened()
+        name, path, now = file_name(uri), text.path, text.text
+
+        def asked() -> T | None:
+            found = configuration_text(name, path, now, opened.get)
+            if found is None:
+                return None
+            return question(Places(found.source, self.encoding), found.program)
+
+        return await asyncio.get_running_loop().run_in_executor(self.checkers, asked)
+
+    def _opened(self) -> dict[Path | None, str]:
+        """The texts of open documents by their files."""
+        return {other.path: other.text for other in self.texts.values()}
 
     def is_yaml(self, uri: str) -> bool:
         """Whether a document is open that is YAML."""
@@ -288,19 +311,18 @@ class KoordServer(LanguageServer):
         if not is_changed:
             await asyncio.sleep(self.settings.verify.delay_s)
         await asyncio.to_thread(load_libraries)
-        opened = {other.path: other.text for other in self.texts.values()}
-        read = partial(_check, text.uri, text.path, text.text, opened)
-        found = await loop.run_in_executor(self.analysts, read)
+        read = partial(_check, text.uri, text.path, text.text, self._opened())
+        found = await loop.run_in_executor(self.checkers, read)
         others: list[tuple[Source, str]] = []
-        text.files = frozenset()
-        if text.path is not None and found.program is not None:
-            program = beside(text.path, found.program.name)
-            text.files = frozenset((program,))
-            others.append((found.program, program.as_uri()))
+        if text.path is not None:
+            others = [(one, beside(text.path, one.name).as_uri()) for one in found.others]
+            text.files = frozenset(beside(text.path, one.name) for one in found.others)
         places = Places(found.source, self.encoding, text.uri, others)
         text.diagnostics = features.diagnostics(found, places, text.uri)
         self._publish(text, version)
         for other in self._others(text):
+            if other.is_yaml and is_changed:  # the configuration of a site, or the site of one
+                self._analyse(other, is_changed=False)
             if other.known is not None and text.path is not None and other.path is not None:
                 name = os.path.relpath(text.path, other.path.parent)
                 other.known.take_configuration(Source(name, found.source.text))
@@ -308,8 +330,7 @@ class KoordServer(LanguageServer):
     async def _analysed(self, text: OpenText, is_changed: bool) -> Document:
         loop = asyncio.get_running_loop()
         version = text.version
-        opened = {other.path: other.text for other in self.texts.values()}
-        read = partial(_read, text.uri, text.path, text.text, opened)
+        read = partial(_read, text.uri, text.path, text.text, self._opened())
         found, text.main = await loop.run_in_executor(self.analysts, read)
         text.known = found
         places = self.places(found, text)
@@ -687,7 +708,7 @@ def _register(server: KoordServer) -> None:
     async def hover(params: types.HoverParams) -> types.Hover | None:
         uri, at = params.text_document.uri, params.position
         if server.is_yaml(uri):
-            return await server.ask_configuration(uri, lambda places: field_hover(places, at))
+            return await server.ask_configuration(uri, lambda places, _: field_hover(places, at))
         return await server.ask(uri, lambda d, places: features.hover(d, places, at))
 
     @feature(types.TEXT_DOCUMENT_DEFINITION)
@@ -715,7 +736,9 @@ def _register(server: KoordServer) -> None:
     async def completion(params: types.CompletionParams) -> types.CompletionList | None:
         uri, at = params.text_document.uri, params.position
         if server.is_yaml(uri):
-            return await server.ask_configuration(uri, lambda places: field_completions(places, at))
+            return await server.ask_configuration(
+                uri, lambda places, program: field_completions(places, program, at)
+            )
         snippets = _takes_snippets(server)
         return await server.ask(
             params.text_document.uri,

@@ -124,6 +124,32 @@ def mutants(document: Any, most: int | None = None) -> Iterator[str]:
         yield json.dumps(made, indent=1)
 
 
+def test_a_scene_says_where_robots_begin(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its places are checked as those of the configuration are."""
+    (tmp_path / "two.yaml").write_text(
+        "agents: [{pid: 0, on_device: a}, {pid: 1, on_device: b}]\n"
+        "devices: {a: {bot_type: CAR}, b: {bot_type: CAR}}\n"
+        "world: {bounds: {low: [0, 0], high: [9, 9]}}\n",
+        "utf-8",
+    )
+    scene = tmp_path / "start.yml"
+
+    def checked(x: int) -> int:
+        robots = (
+            f"- {{bot_name: {of}, bot_type: CAR, init_pos: [{x}, {y}, 0]}}\n"
+            for of, y in (("a", 2), ("b", 7))
+        )
+        scene.write_text("".join(robots), "utf-8")
+        return main(["config", "check", str(tmp_path / "two.yaml"), "--scene", str(scene)])
+
+    assert checked(2) == 0
+    assert checked(12) == 2
+    assert f"{scene}:1:" in capsys.readouterr().out
+    assert main(["config", "key", "--scene", str(scene)]) == 2
+
+
 def refused(
     folder: Path, text: str, capsys: pytest.CaptureFixture[str]
 ) -> tuple[list[Diagnostic], list[Diagnostic], list[Diagnostic]]:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import random
+import threading
 from pathlib import Path
 from typing import Any
 
 import pytest
 from lsprotocol import types
+from msgspec import Struct
 
-from koord.api.configuration_fields import field_at, fields_for
-from koord.api.configuration_texts import checked_text, is_configuration
+from koord.api.configuration_fields import completions_at, field_at
+from koord.api.configuration_texts import checked_text, configuration_text, is_configuration
 from koord.api.configurations import check_configuration
-from koord.api.editing import Source
+from koord.api.editing import Severity, Source
+from koord.api.field_comments import field_comments
+from koord.runtime.configuration import forms
 from koord.runtime.configuration.forms import Agent, Device, WorldForm
+from koord.runtime.motion.bodies import VEHICLES, PlannerName
 from tests.lsp.connected import CAPABILITIES, Editor, connected, run
 from tests.lsp.test_program_files import PROGRAM, identifier
 from tests.lsp.test_server import EXAMPLES, NEVER, applied, place
@@ -203,7 +208,7 @@ def test_an_editor_says_of_an_example_what_the_command_says(path: Path) -> None:
     told = checked_text(path.name, path, text, lambda _: None)
     assert is_configuration(text) == (path.name != "expected.yaml")
     if is_configuration(text):
-        program = told.program
+        program = next(iter(told.others), None)
         assert program is not None or path.with_suffix(".krd").exists() is False
         assert told.diagnostics == check_configuration(Source(path.name, text), program).diagnostics
 
@@ -255,13 +260,15 @@ def test_a_hover_says_what_a_field_means(tmp_path: Path) -> None:
 
             device = await told("devices")
             assert device is not None
-            assert device.startswith("`devices`: fields or list\n\n")
-            assert device.endswith("A vehicle.")
+            assert device.startswith("`devices`: object of Device or list of Device\n\n")
+            assert device.endswith("the vehicles by their names\n\nA vehicle.")
             kind = await told("bot_type")
             assert kind is not None
-            assert "`CAR`" in kind
-            assert kind.endswith('by default `"CAR"`')
-            assert await told("pid") == "`pid`: integer ≥ 0"
+            assert '`"CAR"`, `"QUAD"`' in kind
+            assert 'by default `"CAR"`\n\n' in kind
+            pid = await told("pid")
+            assert pid is not None
+            assert pid.startswith("`pid`: integer ≥ 0\n\nits number")
             assert await told("car: {") is None  # a name that its author chose
             assert await told("RRT_CAR") is None
             pair.replace(pair.configuration, "{")
@@ -276,36 +283,206 @@ def test_what_is_said_of_fields_is_text() -> None:
     found = field_at(source, 2, 1)
     assert found is not None
     lines = found[1].markdown.splitlines()
-    assert lines[0] == "`network`: fields"
+    assert lines[0] == "`network`: NetworkForm or null"
     assert len(lines) > 3
     assert not any(line.startswith(" ") for line in lines)
 
 
-def fields(text: str) -> set[str] | None:
-    """What is offered at the ‸ of a text."""
+def test_every_field_says_what_it_means() -> None:
+    found = [one for one in vars(forms).values() if isinstance(one, type)]
+    structs = [one for one in found if issubclass(one, Struct) and one is not Struct]
+    assert len(structs) > 20
+    for one in structs:
+        assert set(field_comments(one)) == set(one.__struct_fields__), one
+
+
+#: A program with params, modules and kinds of robot, in the order of an unfinished text.
+DECLARES = """\
+param int most = 3  # of tasks
+using Motion:
+    sensors:
+        pos psn
+agent Scout:
+    local:
+        int x = treu
+"""
+
+
+def offered(text: str) -> set[str] | None:
+    """What is offered at the ‸ of a text, beside the program above."""
     at = text.index("‸")
     source = Source("a.yaml", text.replace("‸", ""))
-    found = fields_for(source, *source.place(at))
+    found = completions_at(source, *source.place(at), Source("a.krd", DECLARES))
     if found is None:
         return None
-    return {one.name for one in found.fields}
+    return {one.name for one in found.fields} | {one.text for one in found.values}
 
 
 def test_fields_are_completed_by_the_lines_around_them() -> None:
-    top = fields(TEXT + "wo‸")
+    top = offered(TEXT + "wo‸")
     assert top is not None
     assert {"world", "delta", "network"} <= top
     assert not top & {"agents", "devices", "params", "pid"}
-    assert fields("agents:\n  - pid: 0\n    ‸\n") == set(Agent.__struct_fields__)
-    assert fields("agents:\n- ‸\n") == set(Agent.__struct_fields__)
-    assert fields("devices:\n  car:\n    speed: 1\n    ‸") == set(Device.__struct_fields__)
-    assert fields("agents: []\nworld:\n  bounds:\n    low: [0, 0]\n  ‸") == set(
+    assert offered("agents:\n  - pid: 0\n    ‸\n") == set(Agent.__struct_fields__) - {"pid"}
+    assert offered("agents:\n- ‸\n") == set(Agent.__struct_fields__)
+    assert offered("devices:\n  car:\n    speed: 1\n    ‸\n    port: 1\n") == set(
+        Device.__struct_fields__
+    ) - {"speed", "port"}
+    assert offered("agents: []\nworld:\n  bounds:\n    low: [0, 0]\n  ‸") == set(
         WorldForm.__struct_fields__
+    ) - {"bounds"}
+    assert offered("agents: []\nparams:\n  ‸") == {"most"}
+    assert offered("devices: {car: {modules: {‸") == {"Motion"}
+    assert offered("agents: [‸") is None
+    assert offered("delta: 0.‸1\nagents: []") is None
+
+
+def test_fields_are_completed_between_braces() -> None:
+    agent = set(Agent.__struct_fields__)
+    assert offered("agents: [{‸") == agent
+    assert offered("agents: [{pid: 0, ‸") == agent - {"pid"}
+    assert offered("agents:\n  - {‸, heading: 1}\n") == agent - {"heading"}
+    assert offered("agents:\n  - {\n    pid: 0,\n    ‸\n  }\nseed: 1\n") == agent - {"pid"}
+    assert offered("agents: [{pid: 0}, {‸}]\n") == agent
+    assert offered(
+        "agents:\n  - {pid: 0}\n  - {pid: 1, ‸\ndevices: {car: {speed: 1}}\n"
+    ) == agent - {"pid"}
+    low = {"low", "high"}
+    assert offered("world: {bounds: {low: [0, 0], ‸}}") == low - {"low"}
+    assert offered("world: {obstacles: [{box: {‸}}]}") == low
+    assert offered("agents: [{pid: 0}] # {‸") is None
+    assert offered("seed: '{‸'") is None
+
+
+def test_values_are_completed() -> None:
+    assert offered("network: {encrypt: ‸}") == {"true", "false"}
+    assert offered("network:\n  encrypt: t‸\n  port: 1\n") == {"true", "false"}
+    assert offered("network:\n  transport: ‸") == {one.value for one in forms.Carrier}
+    assert offered("devices: {d: {bot_type: C‸AR}}") == set(VEHICLES)
+    assert offered("devices: {d: {simulation: {level: ‸") == {"simple", "full", "fast", "mujoco"}
+    assert offered("delta: ‸") is None
+    automata = {"MoatTestCar", "MoatTestDrone", "MoatHectorQuadrotor"}
+    assert offered("devices: {d: {motion_automata: [Mo‸]}}") == automata
+    assert offered("device:\n  motion_automata:\n    - Mo‸\n") == automata
+    assert offered("agents: [{motion_automaton: ‸}]") == automata
+    assert offered("agents: [{kind: ‸}]") == {"Scout"}
+
+
+def test_planners_are_those_of_the_vehicle() -> None:
+    def own(name: str) -> set[str]:
+        return {one.value for one in VEHICLES[name].planners}
+
+    def planners(text: str) -> set[str]:
+        found = offered(text)
+        assert found is not None
+        return found & {one.value for one in PlannerName}
+
+    assert planners("devices:\n  d:\n    planner: ‸\n    bot_type: DIFF\n") == own("DIFF")
+    assert planners("devices: {d: {bot_type: QUAD, planner: ‸}}") == own("QUAD")
+    assert planners("devices: {d: {planner: R‸}}") == own("CAR")
+    assert planners("device: {motion: {planner: ‸}}") == {one.value for one in PlannerName}
+
+
+def test_devices_and_drivers_are_completed_by_their_names() -> None:
+    text = "agents:\n  - {pid: 0, on_device: ‸\n"
+    assert offered(text + "devices:\n  car: {speed: 1}\n  fan:\n    port: 1\n") == {"car", "fan"}
+    assert offered(text + "devices:\n  - bot_name: car\n    port: 1\n  - {bot_name: fan}\n") == {
+        "car",
+        "fan",
+    }
+    drivers = offered("device: {driver: ‸}")
+    assert drivers is not None
+    assert {"mavlink", "sim"} <= drivers
+    localisers = offered("localiser: ‸")
+    assert localisers is not None
+    assert offered("device: {localiser: ‸}") == localisers | {"own"}
+
+
+def test_a_site_and_a_scene_are_said_in_a_comment(tmp_path: Path) -> None:
+    """They are checked with the configuration, and mistakes stand in the file that has them."""
+    main = tmp_path / "app.yaml"
+    said = "# koord config check: --site lab.yaml --scene start.yml\n" + TEXT
+    (tmp_path / "app.krd").write_text(PROGRAM, "utf-8")
+    (tmp_path / "other.yaml").write_text("num_robots: 2\n", "utf-8")
+    site = "world:\n    tasks: [[1, 2]]\n"
+    (tmp_path / "lab.yaml").write_text(site, "utf-8")
+    main.write_text(TEXT, "utf-8")
+    scene = "".join(
+        f"- {{bot_name: {name}, bot_type: CAR, init_pos: [1, {y}, 0]}}\n"
+        for y, name in enumerate(("car", "other"))
     )
-    assert fields("agents: []\nparams:\n  ‸") == set()
-    assert fields("agents: [‸") is None
-    assert fields("delta: 0.‸1\nagents: []") is None
-    assert fields("name: ci\n‸") is None
+    (tmp_path / "start.yml").write_text(scene, "utf-8")
+
+    def told(text: str, name: str = "app.yaml") -> list[str]:
+        opened = {main: said}.get
+        found = checked_text(name, tmp_path / name, text, opened).diagnostics
+        wrong = [one for one in found if one.severity is Severity.ERROR]
+        return [f"{one.span.file}:{one.span.line}: {one.code}" for one in wrong]
+
+    assert told(said) == []
+    assert told(site, "lab.yaml") == []
+    assert told(said + "world: {}\n") == ["lab.yaml:1: K931"]
+    assert told("world:\n    tsaks: []\n", "lab.yaml") == ["lab.yaml:2: K931"]
+    assert told("world:\n    tsaks: []\n", "another.yaml") == []
+    (tmp_path / "start.yml").write_text(scene.replace("init_pos", "pos"), "utf-8")
+    assert any(one.startswith(str(tmp_path / "start.yml")) for one in told(said))
+    (tmp_path / "start.yml").unlink()
+    assert [one.partition(": ")[2] for one in told(said)] == ["K901"]
+    found = configuration_text("lab.yaml", tmp_path / "lab.yaml", site, lambda _: None)
+    assert found is None  # what is on the disk does not say it
+    main.write_text(said, "utf-8")
+    found = configuration_text("lab.yaml", tmp_path / "lab.yaml", site, lambda _: None)
+    assert found is not None
+    assert (found.main.name, found.site) == ("app.yaml", found.source)
+
+
+def test_a_change_of_the_site_is_told_in_the_configuration(tmp_path: Path) -> None:
+    said = "# koord config check: --site lab.yaml\n" + TEXT
+    lab = tmp_path / "lab.yaml"
+    lab.write_text("seed: 1\n", "utf-8")
+    (tmp_path / "app_two.yaml").write_text(said, "utf-8")
+
+    async def work() -> None:
+        async with connected(AT_ONCE) as editor:
+            pair = Pair(editor, tmp_path)
+            pair.open(pair.configuration, said, "yaml")
+            assert await pair.newest(pair.configuration) == []
+            pair.open(lab, "seed: 1\n", "yaml")
+            pair.replace(lab, "params: {}\n")
+            await editor.until(lambda: [d.code for d in pair.told(lab)] == ["K931"])  # in both
+            await editor.until(lambda: len(pair.told(pair.configuration)) == 1)
+            pair.replace(lab, "wor")
+            at = types.Position(0, 3)
+            found = await editor.client.text_document_completion_async(
+                types.CompletionParams(identifier(lab.as_uri()), at)
+            )
+            assert isinstance(found, types.CompletionList)
+            assert "world" in [one.label for one in found.items]
+            pair.replace(lab, "seed: 1\n")
+            await editor.until(lambda: pair.told(pair.configuration) == [])
+
+    run(work())
+
+
+def test_a_configuration_waits_for_no_program(tmp_path: Path) -> None:
+    """However long its analysis takes."""
+    goes_on = threading.Event()
+
+    async def work() -> None:
+        async with connected(AT_ONCE) as editor:
+            pair = Pair(editor, tmp_path)
+            editor.server.analysts.submit(goes_on.wait)
+            pair.open(pair.program, PROGRAM, "koord")
+            pair.open(pair.configuration, TEXT, "yaml")
+            pair.replace(pair.configuration, TEXT + "sead: 1\n")
+            (found,) = await pair.newest(pair.configuration)
+            assert found.code == "K931"
+            assert pair.told(pair.program) == []
+
+    try:
+        run(work())
+    finally:
+        goes_on.set()
 
 
 def test_a_completion_replaces_the_word_at_the_cursor(tmp_path: Path) -> None:

@@ -52,20 +52,21 @@ class Agreement(Enum):
 class Topic(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A ROS topic."""
 
-    topic: Name
-    type: Name
+    topic: Name  #: its name
+    type: Name  #: of its messages: `PoseStamped`, `geometry_msgs.msg.PoseStamped`
 
 
 class Motion(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The motion fields of a device, in a form of their own that devices can share."""
 
+    #: of the published middleware, that the vehicle has: `MoatTestCar`
     motion_automata: list[Name] | Name = []
-    planner: Name | None = None
-    ros_node_prefix: str | None = None
-    positioning_topic: Topic | None = None
-    reached_topic: Topic | None = None
-    waypoint_topic: Topic | None = None
-    queue_size: Natural | None = None
+    planner: Name | None = None  #: what finds its ways: the name of a planner, or of a plug-in
+    ros_node_prefix: str | None = None  #: before names of topics that do not begin with `/`
+    positioning_topic: Topic | None = None  #: where the vehicle is, of drivers that speak ROS
+    reached_topic: Topic | None = None  #: its own controller's answer that it is there, by ROS
+    waypoint_topic: Topic | None = None  #: places to which its own controller goes, by ROS
+    queue_size: Natural | None = None  #: messages of ROS that are kept for who is slow
 
 
 class NoiseForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -94,7 +95,7 @@ class VisitForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 class ScannerForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A scanner that turns in the plane."""
 
-    beams: Annotated[int, Meta(ge=1, le=10_000)] = 180
+    beams: Annotated[int, Meta(ge=1, le=10_000)] = 180  #: all around, the first one straight ahead
     range: Positive = 4.0  #: m
     noise: NotNegative = 0.0  #: m
 
@@ -102,8 +103,8 @@ class ScannerForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 class EffortForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The effort of a planner, in steps."""
 
-    steps: Annotated[int, Meta(ge=1)] = 1000
-    star_steps: Annotated[int, Meta(ge=1)] = 120
+    steps: Annotated[int, Meta(ge=1)] = 1000  #: until a planner gives up
+    star_steps: Annotated[int, Meta(ge=1)] = 120  #: of planners that go on improving a way
 
 
 class PlanningForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -115,15 +116,16 @@ class PlanningForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
 class SimulationForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The simulation settings of a device."""
 
+    #: of detail: `simple` touches nothing, `mujoco` has wheels and rotors
     level: Level = Level.FULL
     steering: Steering = Steering.PREDICTIVE  #: of cars
-    noise: NoiseForm = NoiseForm()
+    noise: NoiseForm = NoiseForm()  #: of where it believes to be
     delay: NotNegative = 0.0  #: s, from a command to the actuator
-    wind: WindForm = WindForm()
-    visit: VisitForm = VisitForm()
-    effort: EffortForm = EffortForm()
-    planning: PlanningForm = PlanningForm()
-    scanner: ScannerForm | None = None
+    wind: WindForm = WindForm()  #: that drones feel
+    visit: VisitForm = VisitForm()  #: when a place counts as reached
+    effort: EffortForm = EffortForm()  #: how long its planner searches
+    planning: PlanningForm = PlanningForm()  #: how long that takes in simulated time
+    scanner: ScannerForm | None = None  #: on top of it; without, it sees nothing
 
 
 class SafetyForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -147,7 +149,7 @@ class SafetyForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     battery_critical: Share | None = None  #: of 1; lands or stops below
     battery_more: Share | None = None  #: of 1; so much more before it goes on
     heartbeat: Positive | None = None  #: s, greatest age of the e-stop's; else none is asked for
-    estop: EstopAction | None = None
+    estop: EstopAction | None = None  #: what an e-stop does with a vehicle that is on its way
     start: Positive | None = None  #: m, from its `position` it is armed no further away
     watchdog: Positive | None = None  #: s, a robot that is silent for longer is stopped by it
     dead_man: DeadMan | None = None  #: what stops a vehicle whose robot is killed
@@ -158,91 +160,92 @@ class SafetyForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 class Served(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A plug-in that serves a module of a program, with its options."""
 
-    plug_in: Name
-    options: dict[str, Any] = {}
+    plug_in: Name  #: by the name that `koord drivers` lists
+    options: dict[str, Any] = {}  #: of the plug-in
 
 
 class Device(Motion, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A vehicle."""
 
-    bot_type: TypeName = "CAR"
-    bot_name: Name | None = None
-    ip: str | None = None
-    port: Port | None = None
+    bot_type: TypeName = "CAR"  #: what kind of vehicle it is
+    bot_name: Name | None = None  #: its name, where devices are a list
+    ip: str | None = None  #: of the computer on it, for `koord deploy`; else 127.0.0.1
+    port: Port | None = None  #: that it listens on; else that of the network
     speed: Positive | None = None  #: m/s, at which it follows paths
-    motion: Motion | None = None
-    safety: SafetyForm | None = None
-    simulation: SimulationForm = SimulationForm()
+    motion: Motion | None = None  #: its planner and topics, in a block of their own
+    safety: SafetyForm | None = None  #: limits of its guardian, before those of all robots
+    simulation: SimulationForm = SimulationForm()  #: how `koord sim` simulates it
     driver: Name | None = None  #: what drives it, by the name that `koord drivers` lists
     options: dict[str, Any] = {}  #: of the driver
     localiser: Name | None = None  #: what says where it is; `own`: its driver. Else as for all
-    localiser_options: dict[str, Any] = {}
+    localiser_options: dict[str, Any] = {}  #: of its localiser, before those of all
     planner_options: dict[str, Any] = {}  #: of a planner that is a plug-in
     controller: Name | None = None  #: a plug-in that follows ways, instead of the vehicle's own law
-    controller_options: dict[str, Any] = {}
+    controller_options: dict[str, Any] = {}  #: of that plug-in
     modules: dict[Name, Name | Served] = {}  #: of the program, and the plug-ins that serve them
 
 
 class Agent(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A robot. ``kind`` is its ``agent`` block in a program for several kinds of robot."""
 
-    pid: Natural
-    on_device: Name | None = None
-    motion_automaton: Name | None = None
+    pid: Natural  #: its number, by which programs know it: 0, 1, ... without a gap
+    on_device: Name | None = None  #: the name of its vehicle in `devices`
+    motion_automaton: Name | None = None  #: of the published middleware: one that its device has
+    #: the name of its `agent` block, in a program for several kinds of robot
     kind: Name | None = None
-    position: Coordinates | None = None
+    position: Coordinates | None = None  #: m, where it begins
     heading: float = 0.0  #: rad, counter-clockwise from the x axis
-    plist: list[Port] = []
-    nbr_pids: list[Natural] = []
+    plist: list[Port] = []  #: of the published middleware, without effect: ports
+    nbr_pids: list[Natural] = []  #: of the published middleware, without effect: its neighbours
     ip: str | None = None  #: instead of its device's
-    port: Port | None = None
+    port: Port | None = None  #: instead of its device's
 
 
 class Bounds(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Two opposite corners of the world."""
 
-    low: Coordinates
-    high: Coordinates
+    low: Coordinates  #: m, the corner with the least x, y and z
+    high: Coordinates  #: m, the corner with the greatest; without a z it is at 3 m
 
 
 class BoxForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """An upright box between two opposite corners."""
 
-    low: Coordinates
-    high: Coordinates
+    low: Coordinates  #: m, the corner with the least x, y and z
+    high: Coordinates  #: m, the corner with the greatest; without a z it is infinitely high
 
 
 class DiscForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """An upright cylinder."""
 
-    centre: Pair
-    radius: Positive
-    low_z: float = 0.0
-    high_z: float | None = None
+    centre: Pair  #: m, of its axis
+    radius: Positive  #: m
+    low_z: float = 0.0  #: m, its lower end
+    high_z: float | None = None  #: m, its upper end; without, it is infinitely high
 
 
 class PolygonForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """An upright prism."""
 
-    corners: Annotated[list[Pair], Meta(min_length=3)]
-    low_z: float = 0.0
-    high_z: float | None = None
+    corners: Annotated[list[Pair], Meta(min_length=3)]  #: m, in their order around it
+    low_z: float = 0.0  #: m, its lower end
+    high_z: float | None = None  #: m, its upper end; without, it is infinitely high
 
 
 class ObstacleForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """An obstacle: one of the three forms."""
 
-    box: BoxForm | None = None
-    disc: DiscForm | None = None
-    polygon: PolygonForm | None = None
+    box: BoxForm | None = None  #: an upright box
+    disc: DiscForm | None = None  #: an upright cylinder
+    polygon: PolygonForm | None = None  #: an upright prism
 
 
 class WorldForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The world: its bounds, obstacles and tasks."""
 
-    bounds: Bounds | None = None
-    obstacles: list[ObstacleForm] = []
-    tasks: list[Coordinates] = []
+    bounds: Bounds | None = None  #: that no robot leaves
+    obstacles: list[ObstacleForm] = []  #: that nobody can go through
+    tasks: list[Coordinates] = []  #: m, the places that programs ask for as tasks
     scattered: Annotated[int, Meta(ge=0, le=10_000)] = 0  #: so many tasks more, where the seed says
     start: Bounds | None = None  #: where simulated robots begin that have no position
     cell: Positive | None = None  #: m, of the cells of maps
@@ -252,6 +255,7 @@ class RadioForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     """The radios of simulated robots: how far they reach, and who agrees on rounds. [ENV-RANGE]"""
 
     range: Positive | None = None  #: m; without: everybody hears everybody
+    #: who agrees on a round: all, or those who hear each other
     agreement: Agreement = Agreement.EVERYWHERE
 
 
@@ -268,42 +272,48 @@ class NetworkForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     With ``encrypt`` nobody without it can read what they say. The file stands beside this one.
     """
 
+    #: else `broadcast` where `udp_bcast_ip` is given, and `multicast`
     transport: Carrier | None = None
-    port: Port | None = None
-    group: str | None = None
-    interface: str | None = None
+    port: Port | None = None  #: that all listen on; else `udp_port`, and 61820
+    group: str | None = None  #: the address of multicast: 224.0.0.0 to 239.255.255.255
+    interface: str | None = None  #: the address of the network card for multicast; else any
+    #: the secret; `koord config key` makes one
     key: Annotated[str, Meta(min_length=16)] | None = None
-    key_file: Name | None = None
-    encrypt: bool = False
-    run: Name | None = None
-    connect: list[Name] = []
-    listen: list[Name] = []
+    key_file: Name | None = None  #: the file with the secret, beside this one
+    encrypt: bool = False  #: nobody without the secret can read what robots say
+    run: Name | None = None  #: a name that tells runs apart in one network; else `koord`
+    connect: list[Name] = []  #: endpoints that zenoh connects to: `tcp/192.168.1.2:7447`
+    listen: list[Name] = []  #: endpoints that zenoh listens on
 
 
 class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A configuration file of a Koord run."""
 
-    robot: Agent | None = None
-    device: Device | None = None
+    robot: Agent | None = None  #: what all robots are like, with `num_robots`
+    device: Device | None = None  #: the vehicle of all robots, with `num_robots` or `num_agents`
+    #: how many robots there are, all alike
     num_robots: Annotated[int, Meta(ge=1, le=10_000)] | None = None
-    agents: list[Agent] = []
-    devices: dict[Name, Device] | list[Device] = {}
+    agents: list[Agent] = []  #: the robots, each on one of `devices`
+    devices: dict[Name, Device] | list[Device] = {}  #: the vehicles by their names
     bots: dict[Name, Device] | list[Device] = {}  #: an old name of ``devices``
     agent: Agent | None = None  #: with ``num_agents``: the others are like it
+    #: how many robots there are, with `agent`
     num_agents: Annotated[int, Meta(ge=1, le=10_000)] | None = None
+    #: the robot that gathers the others, and coordinates first
     leader_pid: Natural = 0
     mutex_handler: str | None = None  #: of the published middleware; lock classes need none
-    udp_bcast_ip: str | None = None
-    udp_port: Port | None = None
+    udp_bcast_ip: str | None = None  #: the address that robots broadcast to: 192.168.1.255
+    udp_port: Port | None = None  #: that all robots listen on; `port` of `network` counts before it
     delta: RoundLength | None = None  #: as the program states; else 0.1
-    seed: Natural = 0
+    seed: Natural = 0  #: what every random choice of a simulation hangs on
+    #: m, where robots begin, by pid; they count before `position`
     positions: dict[int, Coordinates] = {}
     params: dict[Name, Any] = {}  #: values for the program's params
-    monitor: MonitorForm = MonitorForm()
-    radio: RadioForm = RadioForm()
-    world: WorldForm | None = None
-    network: NetworkForm | None = None
-    safety: SafetyForm | None = None
+    monitor: MonitorForm = MonitorForm()  #: how claims are watched in simulations
+    radio: RadioForm = RadioForm()  #: of simulated robots
+    world: WorldForm | None = None  #: where they are: bounds, obstacles, tasks
+    network: NetworkForm | None = None  #: how deployed robots talk
+    safety: SafetyForm | None = None  #: limits of the guardians of all driven robots
     localiser: Name | None = None  #: of all driven robots whose device does not name another one
     localiser_options: dict[str, Any] = {}  #: those of a device count before these
 
