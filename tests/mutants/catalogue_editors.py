@@ -58,7 +58,7 @@ EDITORS = (
     ),
     Mutant(
         "a file of properties belongs to every program beside it",
-        "api.program_files._Folder.only_program",
+        "api.program_files.Folder.only_program",
         "len(found) == 1",
         "found",
         ("tests/api/test_program_files.py",),
@@ -100,7 +100,7 @@ EDITORS = (
     ),
     Mutant(
         "a configuration in an editor is checked without its program",
-        "api.configuration_texts.checked_text",
+        "api.configuration_texts._read_with",
         "program_beside(path, opened)",
         "None",
         ("tests/lsp/test_configurations.py",),
