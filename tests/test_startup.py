@@ -45,11 +45,16 @@ COMMAND = (
 )
 
 
-def modules_after(statement: str) -> set[str]:
-    """The modules that a fresh interpreter and its processes have loaded after a statement."""
+def modules_after(statement: str, *, alone: bool = False) -> set[str]:
+    """The modules that a fresh interpreter and its processes have loaded after a statement.
+
+    Or those of the interpreter ``alone``, whatever processes load that it forks.
+    """
     program = (
         "import os, sys\n"
+        "first = os.getpid()\n"
         "def tell():\n"
+        f"    if {alone} and os.getpid() != first: return\n"
         "    with open(os.environ['LOADED'], 'a') as file:\n"
         "        file.write('\\n'.join(sys.modules) + '\\n')\n"
         "kill = os.kill\n"
@@ -120,7 +125,31 @@ UNUSED_BY_PROOFS = (
     "koord.verify.instants",
     "koord.verify.engines.bits",
     "koord.verify.engines.horn",
+    "koord.verify.engines.explicit.exhaustive",  # all is proved at a glance
+    "koord.kernels",
 )
+
+
+#: What the process has no use for that waits for the one that verifies.
+UNUSED_BY_WAITING = (
+    "z3",
+    "ctypes",
+    "koord.sampling",
+    "koord.verify.encoding",
+    "koord.verify.engines",
+    "koord.verify.reduction",
+    "koord.verify.vacuity",
+)
+
+
+def test_whoever_waits_for_verdicts_loads_nothing_that_finds_them() -> None:
+    arguments = ["verify", str(EXAMPLES / "leader_elect.krd")]
+    loaded = modules_after(COMMAND.format(arguments=arguments), alone=True)
+    assert "koord.verify.strategy.time_limits" in loaded
+    heavy = {
+        name for name in loaded for root in UNUSED_BY_WAITING if (name + ".").startswith(f"{root}.")
+    }
+    assert heavy == set()
 
 
 #: What a simulated fleet of drones has no use for, whose configuration names no plug-ins.

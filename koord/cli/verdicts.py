@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, assert_never
 from msgspec.structs import replace
 
 from koord.api.programs import Program
-from koord.api.verify_report import Cones
 from koord.cli.terminal import Paint, Style, visible
 from koord.syntax.analysis.premises import Premise, PremiseKind
 from koord.syntax.problem import Problem
@@ -26,6 +25,7 @@ from koord.verify.verdicts import (
 )
 
 if TYPE_CHECKING:
+    from koord.api.cones import Cones
     from koord.api.verify_report import VerifyReport
     from koord.verify.proof_core import ProofCore
 

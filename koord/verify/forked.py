@@ -117,6 +117,23 @@ def fork(work: Callable[[Sender], object]) -> tuple[ForkedProcess, Receiver]:
 
     Raises OSError if there can be no more processes.
     """
+    parted = part()
+    if not isinstance(parted, Sender):
+        return parted
+    try:
+        work(parted)
+    finally:
+        os.kill(os.getpid(), signal.SIGKILL)  # at once, and whatever it raised
+    raise AssertionError("it has ended")
+
+
+def part() -> tuple[ForkedProcess, Receiver] | Sender:
+    """Fork a process that goes on where this one is; there, return what it sends through.
+
+    Whoever goes on there has to end the process where its work ends, whatever that raises.
+
+    Raises OSError if there can be no more processes.
+    """
     receives, sends = os.pipe()
     try:
         pid = os.fork()
@@ -125,12 +142,9 @@ def fork(work: Callable[[Sender], object]) -> tuple[ForkedProcess, Receiver]:
         os.close(sends)
         raise
     if pid == 0:
-        try:
-            os.close(receives)
-            _without_input()
-            work(Sender(sends))
-        finally:
-            os.kill(os.getpid(), signal.SIGKILL)  # at once, and whatever it raised
+        os.close(receives)
+        _without_input()
+        return Sender(sends)
     os.close(sends)
     return ForkedProcess(pid), Receiver(receives)
 

@@ -14,18 +14,19 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from select import select
 from types import FrameType
-from typing import TYPE_CHECKING, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, NoReturn, Protocol, TypeAlias, TypeVar
 
 from msgspec import Struct
 
 from koord.syntax.diagnostics import KoordError
+from koord.syntax.forking import FORKING
+from koord.verify.forked import ForkedProcess, Receiver, Sender, part
 
 if TYPE_CHECKING:
     from ctypes import CDLL
-
-    from koord.verify.forked import Sender
 
 T = TypeVar("T")
 
@@ -134,28 +135,106 @@ def end_of(exit_code: int | None) -> str:
 
 def do_work(work: Callable[[JobChannel], T], parent: int, sends: Sender) -> None:
     """Do the work, send the result, and exit without flushing."""
-    global _depth
-    _depth += 1
     try:
-        die_with(parent)
-        gc.freeze()  # what was made before lasts as long as this process
-        gc.set_threshold(*_COLLECTED)
-        keep_freed_memory()
+        _begin(parent)
         signal.signal(signal.SIGINT, _heard)
-        try:
-            found = pickle.dumps(Found(work(_Line(sends))))
-        except KoordError as error:
-            found = pickle.dumps(Found(None, error))
-        except KeyboardInterrupt:
-            return
-        except Exception as error:
-            if _was_interrupted:
-                return
-            found = _raised(error)
-        sends.send_pickled(found)
-        sends.close()
+        _conclude(lambda: work(_Line(sends)), sends)
     finally:
         _leave()
+
+
+def _begin(parent: int) -> None:
+    """Begin to be a process that does work for the one that forked it."""
+    global _depth
+    _depth += 1
+    die_with(parent)
+    gc.freeze()  # what was made before lasts as long as this process
+    gc.set_threshold(*_COLLECTED)
+    keep_freed_memory()
+
+
+def _conclude(answer: Callable[[], object], sends: Sender) -> None:
+    """Send an answer, or what it raises."""
+    try:
+        found = pickle.dumps(Found(answer()))
+    except KoordError as error:
+        found = pickle.dumps(Found(None, error))
+    except KeyboardInterrupt:
+        return
+    except Exception as error:
+        if _was_interrupted:
+            return
+        found = _raised(error)
+    sends.send_pickled(found)
+    sends.close()
+
+
+class PartedError(BaseException):
+    """Raised in a process whose work goes on in another one, ``process``, which it ``hears``."""
+
+    def __init__(self, process: ForkedProcess, hears: Receiver) -> None:
+        self.process, self.hears = process, hears
+
+
+class PartingChannel(Struct):
+    """The channel of work that begins in this process, and goes on in another if it takes long.
+
+    That is as soon as it tells of something by which it ``is_long``. By then what it tells of is
+    ``heard`` here, and from then on in this process, which listens to the other one.
+    """
+
+    tell: Progress
+    heard: Callable[[object], None]
+    is_long: Callable[[object], bool]
+    _here: bool = True
+    _sends: Sender | None = None
+
+    def __call__(self, text: str) -> None:
+        self.tell(text)
+
+    def note(self, value: object) -> None:
+        if self._here:
+            self.heard(value)
+            if self._sends is None and self.is_long(value):
+                self._part()
+
+    def lasting(self, until: float | None) -> None:
+        """Ignore the moment: whoever waits for this process ends it."""
+
+    def run(self, work: Callable[[JobChannel], T]) -> T:
+        """Do the work. Raises PartedError once it goes on in another process, which sends it."""
+        try:
+            found = work(self)
+            if self._sends is not None:
+                _conclude(lambda: found, self._sends)
+        except BaseException as error:
+            if self._sends is None:
+                raise
+            _conclude(partial(_raise, error), self._sends)
+        finally:
+            if self._sends is not None:
+                _leave()
+        return found
+
+    def _part(self) -> None:
+        """Go on in another process; this one leaves its work where it is."""
+        parent = os.getpid()
+        try:
+            with FORKING:
+                parted = part()
+        except OSError:
+            return  # there can be no more processes: this one goes on
+        if isinstance(parted, tuple):
+            self._here = False
+            raise PartedError(*parted)
+        self._sends, line = parted, _Line(parted)
+        self.tell, self.heard = line, line.note
+        _begin(parent)
+        signal.signal(signal.SIGINT, _heard)
+
+
+def _raise(error: BaseException) -> NoReturn:
+    raise error
 
 
 def _heard(number: int, frame: FrameType | None) -> None:

@@ -27,6 +27,8 @@ from koord.verify.job_process import (
     JobChannel,
     Lasting,
     Noted,
+    PartedError,
+    PartingChannel,
     Progress,
     Unanswered,
     depth,
@@ -165,6 +167,33 @@ class Pool(Struct):
         if can_fork():
             self._listen(0)
             self._fill(self.jobs - 1)
+        return job
+
+    def begin_here(
+        self,
+        name: str,
+        work: Callable[[JobChannel], T],
+        *,
+        is_long: Callable[[object], bool],
+        until: float | None = None,
+    ) -> Job[T]:
+        """Do work in this process, until it tells of something by which it ``is_long``.
+
+        Then it goes on in another one, and is a job like others, of which all that it told of is
+        known; otherwise the job is done. It does not count in progress reports.
+        """
+        job: Job[T] = Job(name, work, until=until, counts=False)
+        some: Job[object] = job  # type: ignore[assignment]
+        _begin(some)
+        channel = PartingChannel(partial(self._tell, some), job.note, is_long)
+        try:
+            job.found = channel.run(work)
+            job.is_done = True
+        except PartedError as parted:
+            job.process, job.line = parted.process, parted.hears
+            self._running.append(some)
+        except Exception as error:
+            job.failure, job.is_done = error, True
         return job
 
     def drop(self, job: Job[T]) -> None:

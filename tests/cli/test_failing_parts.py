@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from koord.api import certify, pictures, verify_report
+from koord.api import certify, cones, pictures
 from koord.cli import counterexamples, verdicts, verified
 from koord.cli.exits import Exit
 from koord.cli.main import main
@@ -44,7 +44,7 @@ PARTS = {
 IN_JSON = {
     "rests on": PARTS["rests on"],
     "rerun": (compiled_replay, "rerun", [], "the compiled program's run of Small"),
-    "slices": (verify_report, "cones_of", [], "what claims do not depend on"),
+    "slices": (cones, "cones_of", [], "what claims do not depend on"),
     "certificate": PARTS["certificate"],
 }
 

@@ -538,10 +538,24 @@ VERIFY = (
         (RACES,),
     ),
     Mutant(
-        "contexts are made for processes of which one needs them",
-        "verify.strategy.verification._Asking.begun_ahead",
-        "liveness_of(self.system)",
-        "True",
+        "what takes longer than a glance is done where others wait for it",
+        "verify.strategy.race._is_long",
+        "noted.steps > _HEAD_START",
+        "False",
+        (RACES,),
+    ),
+    Mutant(
+        "some of what is proved at a glance is taken before others are asked",
+        "verify.strategy.race.Ahead.settles",
+        "wanted(probe)",
+        "False",
+        (RACES,),
+    ),
+    Mutant(
+        "what a process died of at a glance is begun in the next one like it",
+        "verify.strategy.verification._Asking._begun",
+        'not is_free or not self.steps.begin(f"glance, {self.stage}", first.number, first.name)',
+        "not is_free",
         (RACES,),
     ),
     Mutant(

@@ -72,6 +72,15 @@ class Terms:
         """The Z3 context of all terms."""
         return new_context(z3.Context)
 
+    def follow(self, other: Terms) -> None:
+        """Take over the context of other terms, if they needed one.
+
+        Nothing is asked of them any more, so that it is always the same that was asked before.
+        """
+        if "context" in vars(other):
+            self.context = other.context
+            self._sorts, self._lists = other._sorts, other._lists
+
     @cached_property
     def _make(self) -> TermBuilder:
         return TermBuilder(self.context)

@@ -76,6 +76,32 @@ class Ahead(Struct, frozen=True):
         found = (ledger.verdicts.get(claim) for claim in self.known.open())
         return any(verdict and verdict.outcome is Outcome.VIOLATED for verdict in found)
 
+    @staticmethod
+    def begun_here(runners: Sequence[Runner], ledger: Ledger, pool: Pool) -> Ahead:
+        """Begin in this process; what takes longer than a glance goes on in another one."""
+        known = ledger.of(ledger.open(), ledger.report)
+        work = partial(_asked, known, known.open(), runners, PastVerification())
+        with ledger.waiting():
+            job = pool.begin_here("", work, is_long=_is_long, until=known.deadline.at_last())
+        return Ahead(tuple(runners), known, job)
+
+    def settles(self, ledger: Ledger, wanted: Callable[[Ledger], bool]) -> bool:
+        """Take what they have at a glance if nothing is ``wanted`` behind it, or on Ctrl-C.
+
+        Otherwise nothing is taken: others are asked, as if these were at it all the time. Raises
+        KeyboardInterrupt where that ended it.
+        """
+        found = self.job.found
+        if found is None:
+            return False
+        if not found.interrupted:
+            probe = ledger.of(ledger.open(), _unheard)
+            probe.take(found)
+            if wanted(probe):
+                return False
+        _take_all(ledger, found)
+        return True
+
     @contextmanager
     def ending(self, ledger: Ledger, pool: Pool) -> Iterator[None]:
         """At the end of the context it is ended, be it that no race was run.
@@ -436,6 +462,11 @@ def _working(own: Ledger, tell: JobChannel) -> Iterator[_Meter]:
     finally:
         budget.heard = before
         meter.say()
+
+
+def _is_long(noted: object) -> bool:
+    """Return whether work of which somebody tells takes longer than a glance."""
+    return isinstance(noted, Worked) and noted.steps > _HEAD_START
 
 
 def _worked(job: Job[Extract]) -> int:

@@ -17,8 +17,6 @@ from koord.syntax.system import System
 from koord.verify.bounded_check import Unroller
 from koord.verify.claims import Claim, claims_of, liveness_of
 from koord.verify.effort import Deadline
-from koord.verify.encoding.contexts import make_ahead
-from koord.verify.encoding.z3_loading import z3
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bmc.engine import others
 from koord.verify.engines.engine import Workers
@@ -349,6 +347,10 @@ class _Verification(Struct, frozen=True):
         rows = SAFETY[self.choice]
         begun = None if ahead is not None else asking.begun_ahead(rows, ledger)
         with begun.ending(ledger, self.pool) if begun is not None else nullcontext():
+            if begun is not None and begun.settles(ledger, partial(_wanted, names=asking.names)):
+                for runner in begun.runners:
+                    self.steps.begin(stage, runner.number, runner.name)
+                return
             self._take_each(ledger, stage, asking, search, ahead, asking.turns(rows, begun))
 
     def _take_each(
@@ -573,6 +575,9 @@ def _put_down(ledger: Ledger, known: _Known) -> None:
 #: The steps of races have higher numbers than turns, each race a hundred.
 _RACES = 100
 
+#: What takes a glance takes some tenths of a second. A solver that keeps to no limit is ended then.
+_LONGEST_GLANCE_S = 60.0
+
 
 def _wanted(ledger: Ledger, names: Collection[str]) -> bool:
     return any(not names or claim.name in names for claim in ledger.open())
@@ -638,11 +643,22 @@ class _Asking(Struct, frozen=True):
                 runners = self._runners(row.first, count(_RACES * (1 + position)))
                 open_ = [r for r in runners if self.steps.is_open(self.stage, r.number, r.name)]
                 if open_ and row.ahead.has(self.system.robots):
-                    if self.pool.jobs > 1 and can_fork() and liveness_of(self.system):
-                        # Who is asked there needs them, and this process for whole runs.
-                        make_ahead(z3.Context)
-                    return Ahead.begun(open_, ledger, self.pool)
+                    return self._begun(open_, ledger)
         return None
+
+    def _begun(self, runners: Sequence[Runner], ledger: Ledger) -> Ahead:
+        """Begin in this process, where there may be others, and in one of them if this died of it.
+
+        With one process others are asked first: whatever is violated soon is told sooner.
+        """
+        first = runners[0]
+        is_free = self.pool.jobs > 1 and can_fork()
+        if not is_free or not self.steps.begin(f"glance, {self.stage}", first.number, first.name):
+            return Ahead.begun(runners, ledger, self.pool)
+        self.steps.lasting(time.monotonic() + _LONGEST_GLANCE_S)
+        begun = Ahead.begun_here(runners, ledger, self.pool)
+        self.steps.lasting(None)
+        return begun
 
     def turns(self, rows: Rows, begun: Ahead | None = None) -> Iterator[AnyTurn]:
         """Make the turns for rows of the strategy, where some were begun ahead."""

@@ -98,15 +98,16 @@ def test_others_that_are_needed_find_nobody_in_their_way(
 
 def test_of_two_robots_whole_runs_are_not_asked_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
     """Proofs of what claims are about states are, which have nobody in their way."""
-    handed_in: list[object] = []
-    submit = Pool.submit
+    begun: list[object] = []
+    begin_here = Pool.begin_here
 
     def noted(pool: Pool, name: str, work: object, **others: object) -> Job[object]:
-        handed_in.append(work)
-        return submit(pool, name, work, **others)  # type: ignore[arg-type]
+        begun.append(work)
+        return begin_here(pool, name, work, **others)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(Pool, "submit", noted)
+    monkeypatch.setattr(Pool, "begin_here", noted)
+    monkeypatch.setattr(Pool, "submit", lambda *given, **others: pytest.fail("not needed"))
     verify(dealt(program_of(TEXT), 2), Bounds(4), jobs=2)
-    (work,) = handed_in
+    (work,) = begun
     assert isinstance(work, partial)
     assert work.func is race._asked

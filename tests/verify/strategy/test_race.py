@@ -7,13 +7,13 @@ import signal
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Never, NoReturn
 
 import pytest
 from msgspec.structs import replace
 
 from koord.syntax.system import System, dealt
-from koord.verify import processes
+from koord.verify import job_process, processes
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
@@ -24,7 +24,7 @@ from koord.verify.job_process import JobChannel
 from koord.verify.ledger import Ledger, Reach, VerificationProblem
 from koord.verify.obstacles import Failure
 from koord.verify.processes import Pool, can_fork
-from koord.verify.strategy import race, table, verification
+from koord.verify.strategy import race, table
 from koord.verify.strategy.race import _HEAD_START, Ahead, RaceTurn, Runner
 from koord.verify.strategy.resumption import PastVerification, Steps, StrategyStep
 from koord.verify.strategy.table import (
@@ -106,9 +106,11 @@ def raced(
     before: Callable[[Ledger], None] | None = None,
     heard: bool = False,
     progress: Callable[[str], None] = lambda text: None,
+    apart: bool = False,
 ) -> Ledger:
     """Race for all claims; if something is done ``before``, who counts first is begun ahead.
 
+    That is in this process, as where there may be another one, or ``apart``.
     ``heard``: these are done, and all that they told is known, when the race begins.
     """
     subject = VerificationProblem(system, lambda *given: pytest.fail("nothing to replay"), system)
@@ -121,7 +123,8 @@ def raced(
     with Pool(jobs, progress) as pool:
         ahead = None
         if before is not None:
-            ahead = Ahead.begun(runners[:left], ledger, pool)
+            begun = Ahead.begun if apart or jobs == 1 else Ahead.begun_here
+            ahead = begun(runners[:left], ledger, pool)
             before(ledger)
             if heard:
                 pool.answer(ahead.job)
@@ -706,7 +709,7 @@ def test_who_was_begun_ahead_and_died_is_followed_by_others(system: System, jobs
 
     later = working((1_000, ["Few"]), engine=Engine.EVERY_N)
     everything = proving(EVERYTHING, Engine.SEARCH)
-    found = raced(system, [dying, later], [everything], jobs, before=nothing)
+    found = raced(system, [dying, later], [everything], jobs, before=nothing, apart=True)
     assert Counter(engines(found).values()) == {Engine.EVERY_N: 2, Engine.SEARCH: 2}
     assert [failure.who for failure in found.failures] == ["runner 0"]
 
@@ -727,7 +730,7 @@ def test_ctrl_c_while_those_who_were_begun_ahead_are_heard_is_not_forgotten(
         ledger.report("at it")
         proving(EVERYTHING, Engine.EVERY_N)(ledger)
 
-    found = raced(system, [telling], [], jobs, before=nothing, progress=press)
+    found = raced(system, [telling], [], jobs, before=nothing, progress=press, apart=True)
     assert pressed
     assert found.interrupted
     assert set(engines(found).values()) == {Engine.EVERY_N}
@@ -747,6 +750,164 @@ def test_whoever_was_begun_ahead_is_ended_where_there_is_no_race(system: System,
         with Ahead.begun([hangs], ledger, pool).ending(ledger, pool):
             assert len(forked_children()) == jobs - 1
         assert forked_children() == set()
+
+
+# --- at a glance ----------------------------------------------------------------------------------
+
+
+def ledger_of(system: System) -> Ledger:
+    subject = VerificationProblem(system, lambda *given: pytest.fail("nothing to replay"), system)
+    return Ledger(subject, Bounds(8), Deadline.after(None), claims_of(system))
+
+
+def runner(work: Callable[[Ledger], None]) -> Runner:
+    return Runner(0, "runner", lambda steps: Turn("runner", work))
+
+
+def something_open(ledger: Ledger) -> bool:
+    return bool(ledger.open())
+
+
+def at_it(*stretches: tuple[int, Sequence[str]]) -> Callable[[Ledger], None]:
+    """Work that proves claims, and says in which process it does."""
+
+    def work(ledger: Ledger) -> None:
+        for steps, names in stretches:
+            working((steps, names), engine=Engine.EVERY_N)(ledger)
+        ledger.fail(Failure(str(os.getpid()), "is where it ended"))
+
+    return work
+
+
+@pytest.mark.parametrize(("steps", "apart"), [(_HEAD_START, False), (_HEAD_START + 1, True)])
+def test_what_takes_longer_than_a_glance_goes_on_in_another_process(
+    system: System, steps: int, apart: bool
+) -> None:
+    """Once, and with all that it has by then."""
+    ledger = ledger_of(system)
+    with Pool(2) as pool:
+        begun = Ahead.begun_here(
+            [runner(at_it((1_000, ["Few"]), (steps - 1_000, EVERYTHING)))], ledger, pool
+        )
+        assert begun.job.is_done is not apart
+        assert len(forked_children()) == apart
+        noted = [note.claim.name for note in begun.job.noted if isinstance(note, Verdict)]
+        assert noted[:1] == ["Few"]
+        found = pool.answer(begun.job)
+        assert found is not None
+        ledger.take(found)
+        assert forked_children() == set()
+    assert set(engines(ledger).values()) == {Engine.EVERY_N}
+    (failure,) = ledger.failures
+    assert (failure.who != str(os.getpid())) is apart
+
+
+@pytest.mark.parametrize(
+    ("names", "steps", "taken"),
+    [
+        (EVERYTHING, 10, True),
+        (EVERYTHING[1:], 10, False),  # something is open: others are asked
+        (EVERYTHING, 3 * _HEAD_START, False),  # it takes longer
+    ],
+)
+def test_all_or_nothing_is_taken_at_a_glance(
+    system: System, names: Sequence[str], steps: int, taken: bool
+) -> None:
+    ledger = ledger_of(system)
+    with Pool(2) as pool:
+        begun = Ahead.begun_here([runner(at_it((steps, names)))], ledger, pool)
+        with begun.ending(ledger, pool):
+            assert begun.settles(ledger, something_open) is taken
+        assert forked_children() == set()
+    assert (set(engines(ledger).values()) == {Engine.EVERY_N}) is taken
+    assert bool(ledger.open()) is not taken
+
+
+def test_ctrl_c_at_a_glance_leaves_what_is_known(system: System) -> None:
+    def pressed(ledger: Ledger) -> None:
+        working((10, ["Few"]), engine=Engine.EVERY_N)(ledger)
+        raise KeyboardInterrupt
+
+    ledger = ledger_of(system)
+    with Pool(2) as pool, ledger.stopping():
+        Ahead.begun_here([runner(pressed)], ledger, pool).settles(ledger, something_open)
+    assert ledger.interrupted
+    assert engines(ledger)["Few"] is Engine.EVERY_N
+    assert engines(ledger)["Alone"] is Engine.NONE
+
+
+@pytest.mark.parametrize("steps", [10, 3 * _HEAD_START], ids=["glance", "longer"])
+def test_mistakes_of_those_who_were_begun_here_are_told_where_they_are_heard(
+    system: System, steps: int
+) -> None:
+    def wrong(tell: JobChannel) -> Never:
+        for done in range(0, steps, 200):
+            tell.note(race.Worked(done))
+        raise LookupError("wrong")
+
+    with Pool(2) as pool:
+        job = pool.begin_here("", wrong, is_long=race._is_long)
+        with pytest.raises(LookupError, match="wrong"):
+            pool.answer(job)
+        assert forked_children() == set()
+
+
+def test_where_there_can_be_no_more_processes_it_goes_on_in_this_one(
+    system: System, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none() -> NoReturn:
+        raise OSError("none left")
+
+    monkeypatch.setattr(job_process, "part", none)
+    ledger = ledger_of(system)
+    with Pool(2) as pool:
+        begun = Ahead.begun_here([runner(at_it((9_000, EVERYTHING)))], ledger, pool)
+        assert begun.job.is_done
+        assert begun.settles(ledger, something_open)
+
+
+@pytest.mark.parametrize(("jobs", "asked"), [(1, ["search", "every N"]), (2, ["every N"])])
+def test_nobody_looks_for_violations_of_what_is_proved_at_a_glance(
+    jobs: int, asked: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With one process that is looked for first, and told sooner."""
+    system = dealt(program_of(LOCK.split("invariant")[0] + KEPT), 2)
+    begun: list[str] = []
+    begin = Steps.begin
+
+    def begins(steps: Steps, stage: str, turn: int, who: str) -> bool:
+        if stage == "slice":
+            begun.append(who)
+        return begin(steps, stage, turn, who)
+
+    monkeypatch.setattr(Steps, "begin", begins)
+    report = verify(system, Bounds(5), jobs=jobs)
+    assert {verdict.engine for verdict in report.verdicts} == {Engine.EVERY_N}
+    assert [who for who in dict.fromkeys(begun) if who in ("search", "every N")] == asked
+
+
+KEPT = "invariant Few: forall i: 0 <= steps@i and steps@i < 3\n"
+
+
+def test_what_a_process_died_of_at_a_glance_is_begun_in_another_one(
+    system: System, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[str] = []
+
+    def begun(where: str) -> Callable[..., NoReturn]:
+        def begins(*given: object) -> NoReturn:
+            done.append(where)
+            raise KeyboardInterrupt
+
+        return begins
+
+    monkeypatch.setattr(Ahead, "begun_here", begun("here"))
+    monkeypatch.setattr(Ahead, "begun", begun("apart"))
+    told: list[object] = []
+    verify(system, Bounds(5), jobs=2, noted=told.append)
+    verify(system, Bounds(5), jobs=2, past=PastVerification().told(told))
+    verify(system, Bounds(5), jobs=1)
+    assert done == ["here", "apart", "apart"]
 
 
 # --- the table ------------------------------------------------------------------------------------
@@ -781,24 +942,6 @@ def test_who_has_seen_all_configurations_says_so_first(
     verify(system, Bounds(5))
     assert [names[:2] for names in begun] == [["search", "induction"], ["induction", "search"]]
     assert [which.index(True) if any(which) else None for which in answers] == [0, None]
-
-
-@pytest.mark.parametrize(("jobs", "runs"), [(2, True), (2, False), (1, True)])
-def test_contexts_are_made_once_for_proofs_ahead_and_those_of_whole_runs(
-    jobs: int, runs: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Before the other one is forked; where nothing is asked of whole runs that alone needs any."""
-    done: list[str] = []
-
-    def begun(*given: object) -> NoReturn:
-        done.append("begun")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(verification, "make_ahead", lambda make: done.append("made"))
-    monkeypatch.setattr(Ahead, "begun", begun)
-    text = LOCK + ("eventually Taken: owner != -1\n" if runs else "")
-    verify(dealt(program_of(text), 2), Bounds(5), jobs=jobs)
-    assert done == (["made", "begun"] if runs and jobs > 1 else ["begun"])
 
 
 def test_rows_are_for_fleets() -> None:

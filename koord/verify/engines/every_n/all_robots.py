@@ -129,9 +129,14 @@ class ParameterisedSystem(Struct):
     crowd: Everyone
 
     @staticmethod
-    def of(system: System) -> ParameterisedSystem:
-        """Make the system of a program with any number of robots."""
+    def of(system: System, after: ParameterisedSystem | None = None) -> ParameterisedSystem:
+        """Make the system of a program with any number of robots.
+
+        Its terms have the context of another one, of which nothing is asked any more.
+        """
         d, program = FunctionTerms(system.budget), system.program
+        if after is not None:
+            d.follow(after.d)
         unknowns = Functions(d, program, 0)
         book = Book(unknowns)
         count = d.fresh("N", INT)

@@ -66,7 +66,7 @@ def prove(
             return Proof(tuple(follows), {})
         start = Start(system, means)
         reasons |= start.failing(claims)
-        step = Step(system, means)
+        step = Step(system, means, after=start.world)
         candidates = [claim for claim in claims if claim not in reasons]
         while candidates:
             failed = step.failing(candidates, known)

@@ -287,15 +287,15 @@ class Start:
 
     def __init__(self, system: System, means: Means) -> None:
         program = system.program
-        self._world = ParameterisedSystem.of(system)
-        self._opening = ParameterisedInit(self._world)
+        self.world = ParameterisedSystem.of(system)
+        self._opening = ParameterisedInit(self.world)
         # What is asked in vain here is not to be missing where a round is asked about.
-        self._asking = Asking(self._world, means, shares=2)
-        self._world.book.expect(*self._asking.robots[:2])
-        self._world.book.expect(0, self._world.last, generation=1)
+        self._asking = Asking(self.world, means, shares=2)
+        self.world.book.expect(*self._asking.robots[:2])
+        self.world.book.expect(0, self.world.last, generation=1)
         for assumption in program.assumptions:
             given = Universal.of(assumption.condition, assumption.bound)
-            given.suppose(self._world, self._opening.configuration, True)
+            given.suppose(self.world, self._opening.configuration, True)
 
     @property
     def limits(self) -> list[str]:
@@ -315,11 +315,11 @@ class Start:
         return {claim: f"{AFTER_INIT}: {why}" for claim, why in found.items()}
 
     def _goal(self, claim: Claim) -> list[Term]:
-        world, d = self._world, self._world.d
+        world, d = self.world, self.world.d
         robot = self._asking.robots[0]
         if claim.kind is ClaimKind.FAULT:
             moves = self._opening.moves(robot)
-            faults = faults_of(self._world, moves)
+            faults = faults_of(self.world, moves)
             return [d.binary(core.BinaryOp.OR, self._opening.fault, faults)]
         asked = universal(claim)
         names = self._asking.robots[: asked.arity]
@@ -331,7 +331,8 @@ class Step:
 
     Of ``conditions`` models say how they are; those with an index, of so many (``size``). With
     ``earlier`` rounds it is the round behind so many others, before and behind which the claims
-    hold; ``from_init`` the first of these begins after INIT, and not anywhere.
+    hold; ``from_init`` the first of these begins after INIT, and not anywhere. It is asked
+    ``after`` questions about another world, of which nothing is asked any more.
     """
 
     def __init__(
@@ -343,10 +344,11 @@ class Step:
         *,
         earlier: int = 0,
         from_init: bool = False,
+        after: ParameterisedSystem | None = None,
     ) -> None:
         program = system.program
         self._stops_show = stops_show(program)
-        world = self.world = ParameterisedSystem.of(system)
+        world = self.world = ParameterisedSystem.of(system, after)
         self._opening = ParameterisedInit(world)
         self.start = ArbitraryState(world, self._opening)
         self.asking = Asking(world, means)
