@@ -652,9 +652,37 @@ VERIFY = (
     Mutant(
         "disjunctions that hold with one literal less are among the smallest",
         "verify.engines.every_n.disjunctions.Samples._looked_for",
-        "_is_smallest(x, lacks)",
+        "_is_smallest(x, one, lacks)",
         "True",
         ("tests/verify/engines/every_n/test_disjunctions.py",),
+    ),
+    Mutant(
+        "disjunctions of two literals are the smallest ones of three",
+        "verify.engines.every_n.disjunctions._is_smallest",
+        "range(len(others))",
+        "range(1)",
+        ("tests/verify/engines/every_n/test_disjunctions.py",),
+    ),
+    Mutant(
+        "what never happens is looked for behind what may be in vain",
+        "verify.strategy.verification._ReachabilitySearch.begin",
+        "self.pool.submit('', looked, first=True)",
+        "self.pool.submit('', looked)",
+        ("tests/verify/strategy/test_reachability_search.py",),
+    ),
+    Mutant(
+        "what many robots do counts where few are enough, if it is known by then",
+        "verify.strategy.verification._ReachabilitySearch._looked",
+        "self.every_n < of_many",
+        "False",
+        ("tests/verify/strategy/test_reachability_search.py",),
+    ),
+    Mutant(
+        "whoever works beside walks makes them shorter",
+        "verify.vacuity.reachability.unbroken",
+        "soon = deadline.of_work(_AT_FIRST_S)",
+        "soon = deadline.sooner(_AT_FIRST_S)",
+        ("tests/verify/vacuity/test_long_walks.py",),
     ),
     Mutant(
         "what is false at one index is false at all",

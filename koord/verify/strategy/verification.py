@@ -367,7 +367,7 @@ class _Verification(Struct, frozen=True):
             number, turn = following
             if not (isinstance(turn, EngineTurn | RaceTurn) and turn.quick):
                 search.begin(ledger, self.names)
-            elif isinstance(turn, RaceTurn) and not Fleet.MANY.has(self.system.robots):
+            elif isinstance(turn, RaceTurn):
                 turn = replace(turn, meanwhile=partial(search.begin, ledger, self.names))
             if isinstance(turn, SlicesTurn | RaceTurn):  # it asks others
                 if ahead is not None:
@@ -459,7 +459,8 @@ class _ReachabilitySearch(Struct):
                     found = self._search(own, every_n=every_n, known=known)
                 return found, tuple(own.failures)
 
-            self.job = self.pool.submit("", looked)
+            # It is done in any case: what others do may be in vain, and waits.
+            self.job = self.pool.submit("", looked, first=True)
 
     def end(self, ledger: Ledger, names: Collection[str]) -> _Vacuities:
         """Finish the search: the vacuities of a ledger's verdicts."""
@@ -493,8 +494,10 @@ class _ReachabilitySearch(Struct):
 
     def _looked(self, own: Ledger, *, every_n: bool, known: Substance) -> GoalSearch | str:
         """The result of the parallel search, or of one made now."""
-        # It left out what is not known after all, or looked at few robots where it is about these.
-        self._drop_if(self.relied != known or (self.every_n and not every_n))
+        # It left out what is not known after all, or looked at few robots where it is about these,
+        # or at many where few are enough: whether it began, and is done, hangs on what is free.
+        of_many = every_n and Fleet.MANY.has(self.system.robots)
+        self._drop_if(self.relied != known or self.every_n > every_n or self.every_n < of_many)
         if self.job is None:
             return self._search(own, every_n=every_n, known=known)
         answer = self.pool.answer(self.job)

@@ -50,7 +50,7 @@ def dead_end(system: System, deadline: Deadline, seed: int) -> Vacuity | None:
     """A run that ends because no readings meet the contracts, if one is found."""
     if not any(_may_end(system, robot, deadline, seed) for robot in _asked(system)):
         return None
-    soon = deadline.sooner(_RUNS_S)
+    soon = deadline.of_work(_RUNS_S)
     for run, play in runs_of(system, _TURNS // system.robots, seed):
         try:
             for _ in play.parts():

@@ -41,8 +41,8 @@ SKIPS_PERCENT = (15, 15, 95)
 #: So many states are all looked at sooner than runs are made by chance.
 SMALL = 300
 
-#: For how long a few runs are made before anything is asked, in seconds: where turns take long, a
-#: solver is quicker.
+#: For how long a few runs are made before anything is asked, in seconds of work: where turns take
+#: long, a solver is quicker.
 _AT_FIRST_S = 0.1
 
 
@@ -153,15 +153,16 @@ def unbroken(
     """The claims that hold in all runs of so many rounds, asked round by round.
 
     One round is looked at even if there is nothing to ask, to see whether it can end. With ``runs``
-    a few runs at random are made first, for at most ``runs_s`` seconds: they break most claims.
-    Longer ones, of so many rounds, show which of the others are broken later; and break some where
-    the solver takes long. Runs that break some are kept as ``reaching``. Where claims that are
-    broken later are of no interest (``ever``), the longer runs are made before a solver is asked.
+    a few runs at random are made first, for at most ``runs_s`` seconds of work: they break most
+    claims. Longer ones, of so many rounds, show which of the others are broken later; and break
+    some where the solver takes long. Runs that break some are kept as ``reaching``. Where
+    claims that are broken later are of no interest (``ever``), the longer runs are made before a
+    solver is asked.
     """
     hasty = effort if runs == 0 else Effort(effort.left // 8)
     pending = list(nevers)
     if runs > 0 and pending:
-        soon = deadline.sooner(_AT_FIRST_S)
+        soon = deadline.of_work(_AT_FIRST_S)
         met = seen(system, pending, min(rounds, runs), soon, seed, reaching)
         pending = [claim for claim in pending if claim not in met]
         if not pending and any(round_ > 0 for round_ in met.values()):
@@ -170,7 +171,7 @@ def unbroken(
     if ever and runs > 0 and pending:
         lasting = _held_by_few_states(system, pending, SMALL, deadline)
         asked = [claim for claim in pending if claim not in lasting]
-        met = seen(system, asked, runs, deadline.sooner(runs_s), seed)
+        met = seen(system, asked, runs, deadline.of_work(runs_s), seed)
         later = frozenset(claim for claim, round_ in met.items() if round_ > rounds)
         pending = [claim for claim in pending if claim not in met]
         if not pending and any(round_ > 0 for round_ in met.values()):
@@ -182,7 +183,7 @@ def unbroken(
     if runs == 0:
         return _unbroken(system, seed, pending, rounds, deadline, effort, reaching=reaching)
     if not ever:
-        met = seen(system, pending, min(rounds, runs), deadline.sooner(runs_s), seed, reaching)
+        met = seen(system, pending, min(rounds, runs), deadline.of_work(runs_s), seed, reaching)
         pending = [claim for claim in pending if claim not in met]
         if not pending and any(round_ > 0 for round_ in met.values()):
             return Unbroken(frozenset())
@@ -195,7 +196,7 @@ def unbroken(
         if left.known:
             unmet = [claim for claim in pending if claim in left.claims]
             lasting = _held_by_few_states(system, unmet, SMALL, deadline)
-        met = seen(system, left.claims - lasting, runs, deadline.sooner(runs_s), seed)
+        met = seen(system, left.claims - lasting, runs, deadline.of_work(runs_s), seed)
     if not left.known:
         pending = [claim for claim in pending if claim in left.claims and claim not in met]
         few = _of_few(system, pending, rounds, deadline, effort, seed, reaching)

@@ -9,7 +9,7 @@ import pytest
 from koord.refinement.generating.palette import GENERAL
 from koord.refinement.generating.programs import system as generated
 from koord.syntax.system import System, dealt
-from koord.verify.effort import Deadline
+from koord.verify.effort import Deadline, Effort
 from koord.verify.reachability_goals import reachability_goals_of
 from koord.verify.vacuity import reachability
 from koord.verify.vacuity.reaching_runs import ReachingRuns
@@ -78,3 +78,22 @@ def test_what_happens_late_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     assert max(broken.values()) > 30
     assert {"Fast", "Busy"} <= broken.keys()
     assert "Dead" not in broken
+
+
+def test_whoever_works_beside_them_walks_are_as_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They end by the work that they were, and not by the clock."""
+    given: list[Deadline] = []
+    walk = reachability.seen
+
+    def noted(*arguments, **named):  # type: ignore[no-untyped-def]
+        given.append(arguments[3])
+        return walk(*arguments, **named)
+
+    monkeypatch.setattr(reachability, "seen", noted)
+    system = dealt(program_of(LATE), 3)
+    nevers = [goal.never for goal in reachability_goals_of(system).all]
+    reachability.unbroken(
+        system, nevers, 4, Deadline(), Effort.of_seconds(1.0), runs=100, runs_s=1.0
+    )
+    assert [deadline.at for deadline in given] == [None] * len(given) != []
+    assert all(deadline.cpu_at is not None for deadline in given)

@@ -83,10 +83,10 @@ class Samples(Struct):
     """The truth of literals in sampled rows, as bits."""
 
     language: Language
-    bits: list[int]
+    rows: Sequence[int]  #: which literals hold in each sample, as bits
+    bits: Sequence[int]  #: the samples in which each literal holds, as bits
     full: int
     known: dict[tuple[int, int, tuple[int, ...]], list[Disjunction]] = field(default_factory=dict)
-    holding: dict[int, int] = field(default_factory=dict)  #: which literals hold in a sample
     #: The literals, by the robots that they are about.
     literals: dict[int, list[tuple[int, AnyLiteral]]] = field(default_factory=dict)
     looked: _Looked = field(default_factory=_Looked)
@@ -103,11 +103,18 @@ class Samples(Struct):
             rows.update(dict.fromkeys(looking.truths(here, rows_of(here))))
             if len(rows) >= _MOST_ROWS:
                 break
-        # Columns of rows, by way of their digits.
+        return Samples.of_rows(language, rows)
+
+    @staticmethod
+    def of_rows(language: Language, rows: Iterable[int]) -> Samples:
+        """The samples in which these literals hold, each as bits."""
+        # The last one is looked at first: fewest literals hold in it, so fewest can be added.
+        ordered = sorted(rows, key=int.bit_count, reverse=True)
+        # Columns of rows, by way of their digits; those of the last row are the highest ones.
         width = len(language.literals)
-        columns = list(zip(*(f"{row:0{width}b}" for row in rows), strict=True))[::-1]
+        columns = list(zip(*(f"{row:0{width}b}" for row in reversed(ordered)), strict=True))[::-1]
         bits = [int("".join(column), 2) for column in columns]
-        return Samples(language, bits, (1 << len(rows)) - 1)
+        return Samples(language, ordered, bits, (1 << len(ordered)) - 1)
 
     def against(
         self,
@@ -172,39 +179,33 @@ class Samples(Struct):
         self, without: int, open_: Sequence[int], most: int, budget: Budget
     ) -> list[Disjunction]:
         budget.spend(1 + len(open_) ** most // _PER_STEP)
+        rows = self.rows
         lacks = {1 << n: without & ~self.bits[n] for n in open_}
         found: list[Disjunction] = [(n,) for n in open_ if not lacks[1 << n]]
         # What says nothing of these samples, or all by itself, is no part of what is smaller.
         useful = sum(one for one, lacking in lacks.items() if lacking and lacking != without)
         begun: list[_Begun] = [(0, without, useful)]
         for size in range(1, most + 1):
-            longer, whole = list[_Begun](), list[int]()
+            longer, whole = list[_Begun](), list[tuple[int, int]]()
             for x, lacking, others in begun:
                 # What is missing holds in one of the samples that are left, as in all others.
-                after = self._holding(lacking & -lacking) & others
+                after = rows[lacking.bit_length() - 1] & others
                 while after:
                     one = after & -after
                     left = lacking & lacks[one]
                     if left and size == most:
                         # The only one that may be added holds in these samples as well.
-                        after &= self._holding(left & -left)
+                        after &= rows[left.bit_length() - 1]
                         continue
                     after ^= one
                     others ^= one  # all with this one are looked at from here on
                     if left:
                         longer.append((x | one, left, others))
                     else:
-                        whole.append(x | one)
-            found += sorted(_positions(x) for x in whole if _is_smallest(x, lacks))
+                        whole.append((x, one))
+            found += sorted(_positions(x | one) for x, one in whole if _is_smallest(x, one, lacks))
             begun = longer
         return found
-
-    def _holding(self, sample: int) -> int:
-        """Which literals hold in a sample, which is one bit."""
-        if sample not in self.holding:
-            held = (1 << n for n, bits in enumerate(self.bits) if bits & sample)
-            self.holding[sample] = sum(held)
-        return self.holding[sample]
 
     def _holds(self, x: Disjunction) -> bool:
         """Return whether a disjunction held in all samples."""
@@ -214,10 +215,21 @@ class Samples(Struct):
         return held == self.full
 
 
-def _is_smallest(x: int, lacks: Mapping[int, int]) -> bool:
-    """Return whether a disjunction does not hold in all samples with one literal less."""
+def _is_smallest(x: int, last: int, lacks: Mapping[int, int]) -> bool:
+    """Return whether a disjunction does not hold in all samples with one literal less.
+
+    Its literals are those of ``x``, which do not hold in all samples, and the ``last`` one.
+    """
+    others = []
+    while x:
+        one = x & -x
+        others.append(lacks[one])
+        x ^= one
+    left = lacks[last]
+    if len(others) == 1:
+        return left != 0
     return all(
-        reduce(and_, (lacks[1 << n] for n in _positions(x ^ 1 << one)), -1) for one in _positions(x)
+        reduce(and_, others[:place] + others[place + 1 :], left) for place in range(len(others))
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import combinations
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from koord.syntax.budget import ENDLESS, Budget
@@ -18,11 +18,9 @@ ROWS = st.lists(st.integers(0, 2**LITERALS - 1), min_size=1, max_size=20, unique
 
 def samples_of(rows: list[int]) -> Samples:
     """Samples of which each row is the bits of what holds in it."""
-    bits = [
-        sum(1 << place for place, row in enumerate(rows) if row >> n & 1) for n in range(LITERALS)
-    ]
     language = Language.of_program(program_of(protocol_text("lock_server")))
-    return Samples(language, bits, (1 << len(rows)) - 1)
+    assert len(language.literals) >= LITERALS
+    return Samples.of_rows(language, rows)
 
 
 def smallest(rows: list[int], open_: list[int], most: int) -> set[Disjunction]:
@@ -37,6 +35,10 @@ def smallest(rows: list[int], open_: list[int], most: int) -> set[Disjunction]:
     return found
 
 
+#: Three literals hold in all samples, of which two are enough: the last one and the first of the
+#: others, or the second.
+@example([0b011010, 0b001001, 0b100110], {0, 3, 5}, 3)
+@example([0b110010, 0b001101, 0b101110], {0, 1, 4, 5}, 3)
 @given(ROWS, st.sets(st.integers(0, LITERALS - 1)), st.integers(2, 5))
 def test_they_are_the_smallest(rows: list[int], literals: set[int], most: int) -> None:
     open_ = sorted(literals)
