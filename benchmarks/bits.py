@@ -79,7 +79,7 @@ def work(how: str, path: str, robots: str, tasks: str, rounds: str, *names: str)
                 return "violated"
             unrolled.never(bad)
         return f"holds for {rounds} rounds"
-    question = narrowed(circuit, claims, (), between=len(claims) > 1)
+    question = narrowed(circuit, claims, (), between=False)
     properties = tuple(claim.stated for claim in claims if claim.stated is not None)
     renamed = images(system, properties, question.latches)
     search = ic3.Ic3Run(Clauses(g, QUICK), question, Deadline(), renamed)

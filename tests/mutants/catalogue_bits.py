@@ -10,6 +10,7 @@ IC3 = "tests/verify/engines/bits/test_ic3.py"
 GENERATED = "tests/agreement/test_engines.py"
 EXPORTING = "tests/verify/engines/bits/test_circuit_files.py"
 ENGINE = "tests/verify/engines/bits/test_engine.py"
+CLAUSES = "tests/verify/engines/bits/test_clauses.py"
 STATES = "tests/verify/engines/bits/test_state_claims.py"
 
 BITS = (
@@ -192,6 +193,20 @@ BITS = (
         (IC3,),
     ),
     Mutant(
+        "a hard question is asked of its first part",
+        "verify.engines.bits.clauses.Clauses._asked_in_parts",
+        "if found is not SolverAnswer.UNSAT:\n    return found",
+        "return found",
+        (CLAUSES,),
+    ),
+    Mutant(
+        "the core of parts is that of the last",
+        "verify.engines.bits.clauses.Clauses._asked_in_parts",
+        "core |= dict.fromkeys(self.core())",
+        "core = dict.fromkeys(self.core())",
+        (CLAUSES,),
+    ),
+    Mutant(
         "each round starts afresh",
         "verify.engines.bits.unrolling.UnrolledCircuit.begin",
         "latch.next",
@@ -253,6 +268,13 @@ BITS = (
         "verify.engines.bits.unrolling.keeps",
         "initiated and safe and kept",
         "initiated and safe",
+        (IC3,),
+    ),
+    Mutant(
+        "what is said to be kept is believed",
+        "verify.engines.bits.unrolling.holds_always",
+        "[*left_out, *question.kept]",
+        "left_out",
         (IC3,),
     ),
     Mutant(

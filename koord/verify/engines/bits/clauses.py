@@ -28,6 +28,13 @@ AT_ONCE = 2_000
 #: Which can be interrupted. It shares nothing with the other: what that found is asked again here.
 OTHER = "glucose4"
 
+#: A question whether one of several things can hold is asked of each where it takes so many
+#: conflicts or more: many easy questions are quicker than a hard one.
+IN_WHOLE = 2_000
+
+#: So often parts are taken apart again: phases and claims, robots, elements.
+DEPTH = 3
+
 #: What a question costs, most often, in steps of evaluation.
 _PER_QUESTION = 5
 
@@ -59,6 +66,7 @@ class Clauses:
         self._numbers: dict[int, int] = {}
         self._sides: dict[int, int] = {}
         self._top = 1
+        self._core: list[int] | None = None  #: of a question that was asked in parts
         self._solver: Any = Solver(name=self.engine)
         self._solver.add_clause([1])
 
@@ -98,11 +106,57 @@ class Clauses:
             raise NoAnswerError
         return answer is SolverAnswer.SAT
 
+    def can_hold(self, literal: int, assumptions: Sequence[int] = ()) -> bool:
+        """Return whether a literal of the graph can hold, as ``solve`` does; in parts if hard."""
+        answer = self.can_hold_in_time(literal, self.deadline, assumptions)
+        if answer is SolverAnswer.UNKNOWN:
+            raise NoAnswerError
+        return answer is SolverAnswer.SAT
+
+    def can_hold_in_time(
+        self, literal: int, deadline: Deadline, assumptions: Sequence[int] = ()
+    ) -> SolverAnswer:
+        """Return whether a literal of the graph can hold, or UNKNOWN. A hard one is taken apart.
+
+        After UNSAT the core is one of all parts together.
+        """
+        return self._asked_in_parts(literal, deadline, assumptions, DEPTH)
+
+    def _asked_in_parts(
+        self, literal: int, deadline: Deadline, assumptions: Sequence[int], depth: int
+    ) -> SolverAnswer:
+        asked = [*assumptions, self.of(literal, TRUE_SIDE)]
+        if not depth:
+            return self.solve_in_time(asked, deadline)
+        found = self._answer(asked, deadline, IN_WHOLE)
+        if found is not SolverAnswer.UNKNOWN or deadline.passed() or self._is_too_hard():
+            return found
+        ways = self.graph.ways(literal)
+        if len(ways) < 2:
+            return self.solve_in_time(asked, deadline)
+        core: dict[int, None] = {}
+        for way in ways:
+            found = self._asked_in_parts(way, deadline, asked, depth - 1)
+            if found is not SolverAnswer.UNSAT:
+                return found
+            core |= dict.fromkeys(self.core())
+        self._core = list(core)
+        return SolverAnswer.UNSAT
+
     def solve_in_time(self, assumptions: Sequence[int], deadline: Deadline) -> SolverAnswer:
         """Solve under assumptions, or answer UNKNOWN where the deadline passes first."""
+        return self._answer(assumptions, deadline)
+
+    def _answer(
+        self, assumptions: Sequence[int], deadline: Deadline, conflicts: int | None = None
+    ) -> SolverAnswer:
+        """Solve under assumptions, with at most so many conflicts."""
+        self._core = None
         self._heard(_PER_QUESTION)
         try:
-            if self.engine == QUICK:
+            if conflicts is not None:
+                found = self._solved_at_once(assumptions, deadline, conflicts)
+            elif self.engine == QUICK:
                 found = self._solved_by_and_by(assumptions, deadline)
             else:
                 found = self._solved_unless_interrupted(assumptions, deadline)
@@ -113,17 +167,31 @@ class Clauses:
             return SolverAnswer.UNKNOWN
         return SolverAnswer.SAT if found else SolverAnswer.UNSAT
 
+    def _solved_at_once(
+        self, assumptions: Sequence[int], deadline: Deadline, conflicts: int
+    ) -> bool | None:
+        if deadline.passed():
+            return None
+        self._solver.conf_budget(conflicts)
+        found: bool | None = self._solver.solve_limited(assumptions=assumptions)
+        self._solver.conf_budget(-1)
+        return found
+
     def _solved_by_and_by(self, assumptions: Sequence[int], deadline: Deadline) -> bool | None:
         while not deadline.passed():
             self._solver.conf_budget(AT_ONCE)
             found: bool | None = self._solver.solve_limited(assumptions=assumptions)
             if found is not None:
                 return found
-            if self.left is not None:
-                self.left -= 1
-                if self.left <= 0:
-                    return None
+            if self._is_too_hard():
+                return None
         return None
+
+    def _is_too_hard(self) -> bool:
+        """Count a question that goes on. Return whether there were too many."""
+        if self.left is not None:
+            self.left -= 1
+        return self.left is not None and self.left <= 0
 
     def _solved_unless_interrupted(
         self, assumptions: Sequence[int], deadline: Deadline
@@ -146,7 +214,7 @@ class Clauses:
 
     def core(self) -> list[int]:
         """The assumptions in the unsatisfiable core of the last answer."""
-        return self._solver.get_core() or []
+        return (self._solver.get_core() or []) if self._core is None else self._core
 
     def model(self) -> list[int]:
         """The last model: at position v the literal v or -v, where 0 stands for none."""

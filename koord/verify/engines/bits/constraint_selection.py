@@ -86,6 +86,7 @@ def narrowed(
     """The query whether one of the claims can break, with the related constraints only.
 
     Claims are judged in the states ``between`` rounds, where that is as good. [T-ROUND-ENDS]
+    Where rounds break them, no state before the first of these breaks one: all claims are kept.
     That numbers are in their ranges is none of them: whoever goes back from a bad state would have
     to show it of all, and it holds of all that is reached.
     """
@@ -98,7 +99,8 @@ def narrowed(
     about = {x: _inputs(g, [x]) for x in dict.fromkeys([*needed[ClaimPhase.END], *sound])}
     pending = sorted(x for x in about if about[x] and x not in ranges.parts)
     kept: set[int] = set()
-    roots = [circuit.lost, *given, *(when for _, when in broken)]
+    kept_claims = [circuit.held[c] for c in claims if c in circuit.held and not between]
+    roots = [circuit.lost, *given, *kept_claims, *(when for _, when in broken)]
     inputs: set[int] = set()
     while roots:
         inputs = ranges.closed(roots, inputs)
@@ -119,7 +121,7 @@ def narrowed(
     lost = g.both(circuit.lost, steps)
     bad = g.any_of([*violated, lost])
     bounds = tuple(ranges.about(inputs))
-    return SafetyQuery(latches, circuit.opens, steps, bad, tuple(given), bounds)
+    return SafetyQuery(latches, circuit.opens, steps, bad, tuple(given), bounds, tuple(kept_claims))
 
 
 def related(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -32,7 +31,7 @@ from koord.verify.obstacles import Lengths, NoInvariant, Obstacle, Unreplayed, V
 from koord.verify.verdicts import Outcome, Verdict, has_fewest
 from koord.verify.witness import NotReplayedError
 
-#: So many rounds are unrolled before a proof is tried.
+#: So many rounds are unrolled before IC3 is asked: one, before claims alone are.
 FIRST_ROUNDS = 2
 
 #: How many hard questions may be asked where they are counted: for some seconds in all.
@@ -143,11 +142,14 @@ class _Run:
 
     def work(self) -> None:
         ledger = self.ledger
-        self._unroll(min(FIRST_ROUNDS, ledger.bounds.rounds))
-        if self.completed is not None and self.open() and not self.circuit.limits:
-            with suppress(NoAnswerError):
-                self._induct()
-                self._search()
+        for rounds, prove in ((1, self._induct), (FIRST_ROUNDS, self._search)):
+            self._unroll(min(rounds, ledger.bounds.rounds))
+            if self.completed is None or not self.open() or self.circuit.limits:
+                break
+            try:
+                prove()
+            except NoAnswerError:
+                break
         if self.open() and not self.sparing:
             self._unroll(ledger.bounds.rounds)
         reason, through = "", self.completed
@@ -249,15 +251,23 @@ class _Run:
             for claim in claims:
                 bad = circuit.d.graph.any_of([x for _, x in circuit.bad[claim]])
                 broken = circuit.d.graph.either(bad, self._lost())
-                if broken != FALSE and clauses.solve([*held, clauses.of(broken, TRUE_SIDE)]):
+                if broken != FALSE and clauses.can_hold(broken, held):
                     failed.append(claim)
             if not failed:
                 break
             claims = [claim for claim in claims if claim not in failed]
         clauses.close()
-        if claims:
-            question = everything(circuit, claims, given)
-            self._holds(claims, lemmas(self.ledger, circuit, question, (), claims))
+        if not claims:
+            return
+        kept = tuple(circuit.held[c] for c in claims if c in circuit.held)
+        question = replace(everything(circuit, claims, given), kept=kept)
+        said = lemmas(self.ledger, circuit, question, (), claims)
+        if said.is_checked or self._is_checked(question, ()):
+            self._holds(claims, said)
+
+    def _is_checked(self, question: ic3.SafetyQuery, cubes: Sequence[ic3.Cube]) -> bool:
+        """Return whether a solver that found none of it says that it is an invariant."""
+        return holds_always(self.circuit.d.graph, question, cubes, self.ledger.deadline)
 
     def _clauses(self) -> Clauses:
         left = FEW_HARD if self.sparing else None
@@ -282,12 +292,12 @@ class _Run:
 
     def _search(self) -> None:
         """Run IC3 on the remaining claims together, until each is settled or given up."""
-        circuit, g = self.circuit, self.circuit.d.graph
+        circuit = self.circuit
         narrow = exchange = True
         while claims := self.open():
             given = [circuit.held[c] for c in self.ledger.proved() if c in circuit.held]
             question = (
-                narrowed(circuit, claims, given, between=self._looks_between(claims))
+                narrowed(circuit, claims, given, between=self.engine is Engine.ABC)
                 if narrow
                 else everything(circuit, claims, given)
             )
@@ -301,7 +311,7 @@ class _Run:
                     with self.ledger.deadline.sharing(1 / 2):
                         said = lemmas(self.ledger, circuit, asked, found.cubes, claims)
                     # What is said was looked at again; what is not is looked at clause by clause.
-                    if said.is_checked or holds_always(g, asked, found.cubes, self.ledger.deadline):
+                    if said.is_checked or self._is_checked(asked, found.cubes):
                         self._holds(claims, said)
                         return
                     if self.engine is Engine.ABC:
@@ -321,15 +331,6 @@ class _Run:
                     who = "PDR" if self.engine is Engine.ABC else "IC3"
                     self.no_invariant = NoInvariant(self.engine, who)
                     return
-
-    def _looks_between(self, claims: Sequence[Claim]) -> bool:
-        """Return whether claims are best judged between rounds. [T-ROUND-ENDS]
-
-        IC3 has a claim of its own sooner where rounds break it: what it goes back from are the
-        lemmas, then. Of several claims each is the others' lemma, and their bad states are few.
-        """
-        stated = sum(claim in self.circuit.held for claim in claims)
-        return self.engine is Engine.ABC or stated > 1
 
     def _searched(
         self, question: ic3.SafetyQuery, claims: Sequence[Claim], *, exchange: bool

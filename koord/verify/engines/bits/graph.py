@@ -146,6 +146,16 @@ class Graph(Struct):
                 stack += (self.right[x >> 1], self.left[x >> 1])
         return [x for x in found if x != TRUE]
 
+    def ways(self, literal: int) -> list[int]:
+        """Literals one of which holds wherever the literal does: the parts of a disjunction.
+
+        Of a conjunction they are those of its widest part. It is its own only way if it has none.
+        """
+        if literal & 1:
+            return [x ^ 1 for x in self.conjuncts(literal ^ 1)]
+        within = (self.ways(x) for x in self.conjuncts(literal) if x & 1)
+        return max(within, key=len, default=[literal])
+
     def cone(self, literals: Iterable[int]) -> list[int]:
         """The nodes that literals depend on, inputs included, bottom-up."""
         stack = [x >> 1 for x in literals]

@@ -27,6 +27,7 @@ class SafetyQuery(Struct, frozen=True):
 
     ``given`` holds of every state that can be reached, as was shown before, and so does
     ``in_range`` by the making of the circuit: it need not be shown of what leads to a bad state.
+    ``kept`` holds of every state as long as nothing was bad: it is part of each invariant.
     """
 
     latches: tuple[Latch, ...]
@@ -35,10 +36,14 @@ class SafetyQuery(Struct, frozen=True):
     bad: int
     given: tuple[int, ...] = ()
     in_range: tuple[int, ...] = ()
+    kept: tuple[int, ...] = ()
 
 
 class ClauseInvariant(Struct, frozen=True):
-    """An inductive invariant that excludes ``bad``: clauses, as cubes of unreachable states."""
+    """An inductive invariant that excludes ``bad``: clauses, as cubes of unreachable states.
+
+    With what the query calls ``kept``.
+    """
 
     cubes: tuple[Cube, ...]
     rounds: int  #: frames that were needed
@@ -140,7 +145,8 @@ class Ic3Run(Struct):
         self._bad = _ways(clauses.graph, question.bad)
         for way in self._bad:
             clauses.of(way, TRUE_SIDE)
-        for literal in (*question.given, *question.in_range):
+        # A run to the first bad state has none before: all its states keep what is kept.
+        for literal in (*question.given, *question.in_range, *question.kept):
             clauses.require(literal)
         self._first = {
             k + 1: bool(latch.init) for k, latch in enumerate(question.latches) if latch.init < 2

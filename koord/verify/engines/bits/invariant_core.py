@@ -98,6 +98,8 @@ class _Core:
     def of(self, claims: Sequence[Claim]) -> set[int]:
         """The positions of orbits that the claims need: few, if not the fewest."""
         circuit = self.circuit
+        if not self.orbits:
+            return set()  # what the claims themselves do is asked by whoever looks again
         goals = [(phase, x) for claim in claims for phase, x in circuit.broken[claim]]
         goals = [(phase, x) for phase, x in (*goals, (ClaimPhase.END, circuit.lost)) if x != FALSE]
         cores = self._closed(goals)
@@ -159,7 +161,7 @@ class _Core:
     def _is_kept(self, goal: Goal, on: Sequence[int]) -> bool:
         """Return whether no round from states outside some orbits leads to the bad literal."""
         phase, bad = goal
-        return not self.clauses.solve([self._phase[phase], self._on(bad), *on])
+        return not self.clauses.can_hold(bad, [self._phase[phase], *on])
 
     def _phases(self) -> Iterator[tuple[ClaimPhase, list[int]]]:
         circuit = self.circuit

@@ -9,7 +9,7 @@ from msgspec import Struct, field
 from koord.verify.effort import Deadline
 from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.engines.bits.circuit import Circuit
-from koord.verify.engines.bits.clauses import OTHER, TRUE_SIDE, Clauses
+from koord.verify.engines.bits.clauses import OTHER, Clauses
 from koord.verify.engines.bits.graph import FALSE, Graph
 from koord.verify.engines.bits.ic3 import Cube, SafetyQuery
 
@@ -100,7 +100,7 @@ class UnrolledCircuit:
         """Check whether a literal can hold."""
         if literal == FALSE:
             return SolverAnswer.UNSAT
-        return self.clauses.solve_in_time([self.clauses.of(literal, TRUE_SIDE)], deadline)
+        return self.clauses.can_hold_in_time(literal, deadline)
 
     def never(self, literal: int) -> None:
         """Require that a literal does not hold, as was shown."""
@@ -127,10 +127,9 @@ class UnrolledCircuit:
 def holds_always(
     g: Graph, question: SafetyQuery, cubes: Sequence[Cube], deadline: Deadline | None = None
 ) -> bool:
-    """Return whether no run ever reaches one of the cubes or a bad state."""
-    return keeps(
-        g, question, [_left_out(g, question, cube) for cube in cubes], deadline or Deadline()
-    )
+    """Return whether no run ever reaches one of the cubes or a bad state, nor breaks ``kept``."""
+    left_out = [_left_out(g, question, cube) for cube in cubes]
+    return keeps(g, question, [*left_out, *question.kept], deadline or Deadline())
 
 
 def keeps(g: Graph, question: SafetyQuery, statements: Sequence[int], deadline: Deadline) -> bool:
@@ -144,16 +143,16 @@ def keeps(g: Graph, question: SafetyQuery, statements: Sequence[int], deadline: 
     start = Clauses(g, OTHER, deadline)
     start.require(question.opens)
     first = g.all_of(g.all_substituted(statements, init))
-    initiated = not start.solve([start.of(first ^ 1)])
+    initiated = not start.can_hold(first ^ 1)
     start.close()
     step = Clauses(g, OTHER, deadline)
     for literal in (*question.given, *question.in_range, *statements):
         step.require(literal)
-    safe = not step.solve([step.of(question.bad)])
+    safe = not step.can_hold(question.bad)
     step.require(question.steps)
     # One by one: many easy questions are quicker than a hard one.
     then = g.all_substituted(statements, next_)
-    kept = not any(step.solve([step.of(x ^ 1)]) for x in then)
+    kept = not any(step.can_hold(x ^ 1) for x in then)
     step.close()
     return initiated and safe and kept
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise, product
 from random import Random
@@ -11,6 +11,7 @@ from random import Random
 import pysolvers
 import pytest
 from msgspec import field
+from msgspec.structs import replace
 
 from koord.verify.effort import Deadline
 from koord.verify.engines.bits.circuit import Latch
@@ -100,8 +101,22 @@ def in_cube(state: State, cube: tuple[int, ...]) -> bool:
     return all(state[abs(x) - 1] == (x > 0) for x in cube)
 
 
-def compare(seed: int) -> str:
-    of = small(seed)
+def keeping(seed: int) -> Small:
+    """A circuit of which something is kept until it is bad."""
+    of, random = small(seed), Random(-seed)
+    g, q = of.graph, of.question
+    one, other = (x.literal ^ random.choice((0, 1)) for x in random.sample(q.latches, 2))
+    kept = g.either(one, other)
+    first, then = (
+        g.substituted(kept, {x.literal >> 1: to for x, to in zip(q.latches, values, strict=True)})
+        for values in ([x.init for x in q.latches], [x.next for x in q.latches])
+    )
+    bad = g.either(q.bad, g.both(q.steps, then ^ 1))
+    return Small(g, of.inputs, replace(q, opens=g.both(q.opens, first), bad=bad, kept=(kept,)))
+
+
+def compare(seed: int, made: Callable[[int], Small] = small) -> str:
+    of = made(seed)
     first = of.bad_after()
     found = searched(of)
     if isinstance(found, Reached):
@@ -129,10 +144,17 @@ def test_it_says_what_listing_all_states_says() -> None:
     assert count["bad after 3"] >= 1, count
 
 
+def test_it_says_that_of_what_is_kept_until_something_is_bad() -> None:
+    count = Counter(compare(seed, keeping) for seed in range(225))
+    assert count["proved with clauses"] >= 5, count
+    assert count["bad after 2"] >= 3, count
+
+
 @pytest.mark.slow
 def test_it_says_what_listing_all_states_says_of_many() -> None:
     for seed in range(10_000, 30_000):
         compare(seed)
+        compare(seed, keeping)
 
 
 def test_an_invariant_that_is_none_is_told() -> None:
@@ -171,6 +193,14 @@ def test_what_cannot_be_kept_is_no_invariant() -> None:
     question = SafetyQuery(latches, 1, 1, g.both(a ^ 1, b))
     assert not holds_always(g, question, [(2,)])
     assert holds_always(g, question, [(-1, 2)])
+
+
+def test_what_is_said_to_be_kept_is_shown() -> None:
+    g = Graph()
+    a, b = g.input("a"), g.input("b")
+    for then, is_kept in ((b, False), (g.either(a, b), True)):
+        question = SafetyQuery((Latch("a", a, 1, then),), 1, 1, 0, kept=(a,))
+        assert holds_always(g, question, []) is is_kept
 
 
 def test_few_questions_are_not_enough() -> None:
