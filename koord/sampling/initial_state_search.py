@@ -10,8 +10,6 @@ from msgspec import Struct
 
 from koord.sampling.compiled.turns import Turns
 from koord.sampling.conjuncts import false_beforehand
-from koord.sampling.constraint_guesses import placed, repairs
-from koord.sampling.library import driven
 from koord.sampling.sampled_inputs import SampledInputs
 from koord.semantics.configurations import Configuration, Robot
 from koord.semantics.domain import Constant, Domain
@@ -96,6 +94,8 @@ def _vary(
     everything: bool,
 ) -> None:
     """Change some variables' starts: as an assumption suggests, or at random."""
+    from koord.sampling.constraint_guesses import placed, repairs
+
     keys = [key for key in inputs.starts if not inputs.is_given(key)]
     rng = inputs.sampler.rng
     if not everything and inputs.sampler.chance(70):
@@ -239,6 +239,8 @@ def settle_robot(
     state, agent = configuration.robots[robot], system.agent(robot)
     free = [module for module in agent.modules if module.environment is None]
     for module in free:
+        from koord.sampling.library import driven
+
         for port, value in driven(inputs.sampler, agent, module, state).items():
             if not inputs.is_given((robot, port)):
                 inputs.readings[robot, port] = value
@@ -301,6 +303,8 @@ class _Search(Struct):
 
     def mend(self) -> bool:
         """Now and then change a sensor's reading to a value that a contract suggests."""
+        from koord.sampling.constraint_guesses import placed, repairs
+
         if not self.inputs.sampler.chance(60):
             return False
         agent = self.system.agent(self.robot)

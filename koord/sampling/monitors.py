@@ -9,6 +9,7 @@ says that a property holds or nothing; then by the rules.
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import TYPE_CHECKING
 
 from msgspec import Struct, field
 
@@ -28,8 +29,10 @@ from koord.semantics.storage import held
 from koord.syntax import core
 from koord.syntax.core import PropertyKind
 from koord.syntax.system import System
-from koord.traces.replay import PropertyInputs, Question, answered
 from koord.traces.trace import Trace, Violation, ViolationKind
+
+if TYPE_CHECKING:
+    from koord.traces.replay import Question
 
 
 class _Watched(Struct):
@@ -181,6 +184,8 @@ class Watch(Struct):
 
         Those to ``chosen`` questions are not: nobody gave them.
         """
+        from koord.traces.replay import PropertyInputs, answered  # seldom needed
+
         known = {asked: value for asked, value in answered(trace).items() if asked not in chosen}
         inputs = PropertyInputs((), known)
         return Watch(Monitor(trace.numbers.domain, trace.system, inputs, unjudged={}))

@@ -7,8 +7,6 @@ from typing import TypeAlias
 
 from msgspec import Struct, field
 
-from koord.sampling.constraint_guesses import placed, repairs
-from koord.sampling.library import host
 from koord.sampling.values import Sampler, values_held, values_within
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
@@ -22,7 +20,6 @@ from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.types import FLOAT, FloatType, Type
-from koord.traces.rendering import show_value
 
 Question: TypeAlias = "tuple[str, tuple[Concrete, ...]]"
 
@@ -205,6 +202,8 @@ class SampledInputs(Struct):
 
     def stand_in(self, function: core.External, arguments: tuple[Concrete, ...]) -> Concrete | None:
         """The answer of the library's stand-in for a function, if there is one."""
+        from koord.sampling.library import host
+
         implementation = host(function)
         if implementation is None:
             return None
@@ -238,6 +237,8 @@ class SampledInputs(Struct):
         pending: dict[Question, Concrete],
     ) -> Concrete | None:
         """The candidate answer with a part changed as the summary suggests, where that is known."""
+        from koord.sampling.constraint_guesses import placed, repairs
+
         d = self.sampler.numbers.domain
         answer = pending[function.name, arguments]
         m = machine(d, self.sampler.system, _TrialOracle(self, robot, pending), robot=robot)
@@ -279,6 +280,8 @@ class _Draws(Struct, frozen=True):
 
 
 def _no_answer(function: core.External, arguments: tuple[Concrete, ...]) -> KoordError:
+    from koord.traces.rendering import show_value
+
     shown = ", ".join(
         show_value(value, parameter.type)
         for value, parameter in zip(arguments, function.parameters, strict=True)

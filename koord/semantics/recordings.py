@@ -16,7 +16,6 @@ from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant, Domain
 from koord.semantics.oracle import Key, Oracle, Phase
 from koord.semantics.properties import holds_in
-from koord.semantics.reloading import reloaded
 from koord.semantics.rounds import (
     IllegalStepError,
     Stepped,
@@ -232,6 +231,8 @@ def execute(
     ``heard``. Raises :class:`IllegalStepError` at the first step that the rules do not allow. Stops
     early after a fault.
     """
+    from koord.semantics.reloading import reloaded
+
     heard = [] if heard is None else heard
     opening = recording.opening
     inputs = RecordedInputs(starts=opening.starts, answers=opening.answers, heard=heard)

@@ -25,8 +25,7 @@ from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engine_names import Engine
 from koord.verify.ledger import Judge, Ledger, Reach
 from koord.verify.obstacles import Beyond, Elsewhere, GaveUp, Lengths, Obstacle, Unreplayed, gave_up
-from koord.verify.verdicts import Counterexample, Outcome, Verdict, has_fewest
-from koord.verify.witness import ModelReader, NotReplayedError, recording_of
+from koord.verify.verdicts import Counterexample, NotReplayedError, Outcome, Verdict, has_fewest
 
 #: What other claims may cost where one is violated, so that nobody waits long to see it.
 AFTERWARDS_S = 10.0
@@ -160,6 +159,8 @@ def _look(
     those with only a candidate that did not replay, with the reason; and why the search was cut
     short, if it was.
     """
+    from koord.verify.witness import ModelReader, recording_of
+
     d, solver = unrolling.encoder.d, unrolling.solver
     asked = violations(unrolling.system, d, moment, claims)
     for _, needed in asked.values():

@@ -10,8 +10,7 @@ from koord.syntax.system import System
 from koord.traces.lassos import broken_by, flaw_of
 from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.promises import unkept
-from koord.verify.verdicts import Counterexample
-from koord.verify.witness import NotReplayedError
+from koord.verify.verdicts import Counterexample, NotReplayedError
 
 
 def replayed_lasso(system: System, recording: Recording, claim: Claim) -> Counterexample:

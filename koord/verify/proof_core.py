@@ -22,8 +22,7 @@ from koord.verify.ledger import Ledger, VerificationProblem
 from koord.verify.processes import Pool
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.strategy.table import INFERRING_AGAIN, PROVING_AGAIN, AnyTurn, EngineTurn
-from koord.verify.verdicts import Bounds, Counterexample, Outcome, Verdict
-from koord.verify.witness import NotReplayedError
+from koord.verify.verdicts import Bounds, Counterexample, NotReplayedError, Outcome, Verdict
 
 
 class ProofCore(Struct, frozen=True):

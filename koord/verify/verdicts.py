@@ -241,3 +241,11 @@ def no_fair_run(system: System) -> Vacuity:
     if not system.program.expectations:
         detail = "no fair run goes on for ever: each ends in a fault, or where contracts contradict"
     return Vacuity(Emptiness.ASSUMPTIONS, "", detail, certain=True)
+
+
+class NotReplayedError(Exception):
+    """Raised where a candidate is no run of the program, or does not break the claim."""
+
+
+class OnlyOfSliceError(NotReplayedError):
+    """Raised where a lasso of a slice is none of the whole program."""

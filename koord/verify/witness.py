@@ -45,7 +45,7 @@ from koord.verify.encoding.symbols import SymbolicAnswer, SymbolicInputs
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unknowns import Symbolic
 from koord.verify.promises import unkept
-from koord.verify.verdicts import Counterexample
+from koord.verify.verdicts import Counterexample, NotReplayedError
 
 
 class ModelReader(Struct, frozen=True):
@@ -201,14 +201,6 @@ def _order(reader: ModelReader, before: dict[tuple[int, int], Term]) -> tuple[in
 
 
 # --- replay -------------------------------------------------------------------------------------
-
-
-class NotReplayedError(Exception):
-    """Raised where a candidate is no run of the program, or does not break the claim."""
-
-
-class OnlyOfSliceError(NotReplayedError):
-    """Raised where a lasso of a slice is none of the whole program."""
 
 
 def replayed(

@@ -1057,9 +1057,16 @@ VERIFY = (
         ("tests/verify/encoding/test_solver.py",),
     ),
     Mutant(
+        "limits of a question are those of the first one",
+        "verify.encoding.solver.Solver._limit",
+        "(lasts_ms, units) != self._limits",
+        "self._limits is None",
+        ("tests/verify/encoding/test_solver.py",),
+    ),
+    Mutant(
         "a solver does not hear of the deadline",
         "verify.encoding.solver.Solver._checked",
-        "_FOR_EVER if lasts_s is None else max(1, int(lasts_s * 1000))",
+        "_FOR_EVER if lasts_s is None else _milliseconds(lasts_s)",
         "_FOR_EVER",
         ("tests/verify/test_limits_are_given.py",),
     ),

@@ -13,7 +13,8 @@ from koord.syntax.source import Span
 from koord.syntax.system import System, dealt
 from koord.syntax.types import FLOAT, INT, ListType
 from koord.verify.claims import NO_FAULT, Claim, ClaimPhase, claims_of
-from koord.verify.witness import NotReplayedError, replayed, simplified
+from koord.verify.verdicts import NotReplayedError
+from koord.verify.witness import replayed, simplified
 from tests.semantics import programs
 from tests.semantics.building import (
     PID,

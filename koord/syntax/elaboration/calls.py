@@ -16,7 +16,6 @@ from koord.syntax.elaboration.body import (
     MissingFunction,
     Where,
 )
-from koord.syntax.elaboration.candidates import fill
 from koord.syntax.elaboration.coercion import POISON, fit, widened
 from koord.syntax.elaboration.function_calls import call, candidates, is_named
 from koord.syntax.elaboration.library import library_names
@@ -454,6 +453,8 @@ def _unknown(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr |
         return None
     name = e.function.name
     if name == HOLE:
+        from koord.syntax.elaboration.candidates import fill
+
         fill(body, expected, is_statement=body.where in _CHANGING)
     known = _functions(body) + (list(CHANGES) if body.where in _CHANGING else [])
     hint, near = otherwise(name) or mathematics(name), did_you_mean(name, known)

@@ -11,7 +11,6 @@ from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
 from koord.syntax.elaboration.body import BodyScope, SharedWrite, Where
 from koord.syntax.elaboration.calls import METHODS, as_call, counted, element_written
-from koord.syntax.elaboration.candidates import fill
 from koord.syntax.elaboration.coercion import POISON, fit
 from koord.syntax.elaboration.literals import field_position
 from koord.syntax.elaboration.names import Meaning
@@ -19,7 +18,6 @@ from koord.syntax.elaboration.phrases import a, did_you_mean
 from koord.syntax.elaboration.places import find_module, is_unknown, meaning
 from koord.syntax.elaboration.recorder import HOLE, OwnName
 from koord.syntax.elaboration.symbols import ParamSymbol, PortSymbol, Role, StreamSymbol
-from koord.syntax.elaboration.unknown_names import unknown
 from koord.syntax.types import BOOL, INT, PRESENT, GrowingType, MapType, RecordType, SetType, Type
 
 
@@ -37,9 +35,13 @@ def target(body: BodyScope, e: ast.Expr) -> core.Place | None:
     if _is_constant(body, e, root):
         return None
     if isinstance(e, ast.Name) and e.name == HOLE:
+        from koord.syntax.elaboration.candidates import fill
+
         fill(body, None, is_statement=True)
     if isinstance(e, ast.Name) and is_unknown(body, e.name):
         if not body.session.partial:
+            from koord.syntax.elaboration.unknown_names import unknown
+
             unknown(body, e, is_written=True)
         return None
     read_before = set(body.shared_reads)

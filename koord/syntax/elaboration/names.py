@@ -15,7 +15,6 @@ from koord.syntax.elaboration.body import (
     BodyScope,
     Where,
 )
-from koord.syntax.elaboration.candidates import fill
 from koord.syntax.elaboration.coercion import POISON
 from koord.syntax.elaboration.phrases import listed
 from koord.syntax.elaboration.recorder import HOLE, OwnName
@@ -32,7 +31,6 @@ from koord.syntax.elaboration.symbols import (
     StreamSymbol,
     VariableSymbol,
 )
-from koord.syntax.elaboration.unknown_names import out_of_reach, unknown
 from koord.syntax.source import Span
 from koord.syntax.types import FLOAT, INT, Type
 from koord.syntax.vocabulary import OWN_NAMES
@@ -98,6 +96,8 @@ def _symbol(body: BodyScope, e: ast.Name, found: Named, agent: AgentScope | None
             )
             return None
         case Pending():
+            from koord.syntax.elaboration.unknown_names import out_of_reach
+
             out_of_reach(body, e, f"the variable `{e.name}`")
             return None
         case ParamSymbol(value=value):
@@ -120,6 +120,8 @@ def _variable(
     body: BodyScope, e: ast.Name, variable: core.Variable, agent: AgentScope | None
 ) -> Meaning:
     if body.where not in SEES_VARIABLES:
+        from koord.syntax.elaboration.unknown_names import out_of_reach
+
         out_of_reach(body, e, f"the variable `{e.name}`")
         return None
     if variable.home is not core.Home.LOCAL:
@@ -209,6 +211,8 @@ def port_place(body: BodyScope, e: ast.Expr, port: PortNamed) -> Meaning:
             return None
         case PortSymbol(variable=variable):
             if body.where not in SEES_PORTS:
+                from koord.syntax.elaboration.unknown_names import out_of_reach
+
                 out_of_reach(body, e, f"the port `{variable.name}`")
                 return None
             if not _common(body, e, variable, _owner(body, variable.name)):
@@ -244,6 +248,8 @@ def _member(
 
 def _special(body: BodyScope, e: ast.Name, expected: Type | None) -> Meaning:
     if e.name == HOLE:
+        from koord.syntax.elaboration.candidates import fill
+
         fill(body, expected)
     elif e.name in OWN_NAMES:
         body.note(e.span, OwnName(e.name))
@@ -266,6 +272,8 @@ def _special(body: BodyScope, e: ast.Name, expected: Type | None) -> Meaning:
             return None if robot is None else core.Stopped(robot, span=e.span)
         case _:
             if not body.session.partial:
+                from koord.syntax.elaboration.unknown_names import unknown
+
                 unknown(body, e, expected=expected)
             return None
 
@@ -289,6 +297,8 @@ def _pid(body: BodyScope, e: ast.Name) -> Meaning:
             "declare it under `allread:`, or assign it in `init:`",
         )
     else:
+        from koord.syntax.elaboration.unknown_names import out_of_reach
+
         out_of_reach(body, e, "`pid`")
     return None
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from koord.syntax import ast, core
 from koord.syntax.elaboration import names
 from koord.syntax.elaboration.body import CLOSED, CONTRACT, BodyScope
-from koord.syntax.elaboration.candidates import fill_owned, fill_part
 from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.literals import field_position
 from koord.syntax.elaboration.names import Meaning
@@ -14,7 +13,6 @@ from koord.syntax.elaboration.quantifiers import at_robot, primed
 from koord.syntax.elaboration.recorder import HOLE, FieldSymbol, ModuleSymbol, TypeSymbol
 from koord.syntax.elaboration.resolve_types import element_of
 from koord.syntax.elaboration.symbols import RESERVED, ModuleScope, Poisoned
-from koord.syntax.elaboration.unknown_names import unknown
 from koord.syntax.types import BOOL, INT, EnumType, FloatType, MapType, RecordType, SetType, Type
 
 
@@ -63,6 +61,8 @@ def _attribute(body: BodyScope, e: ast.Attribute) -> Meaning:
             return _qualified(body, e, owner)
         if is_unknown(body, owner):
             if not body.session.partial:
+                from koord.syntax.elaboration.unknown_names import unknown
+
                 unknown(body, e.base, e.name.name)
             return None
     base = _entry(body, e.base, meaning(body, e.base))
@@ -96,6 +96,8 @@ def field(body: BodyScope, base: core.Place | core.Expr, e: ast.Attribute) -> Me
     """Elaborate a field of a record."""
     record = base.type
     if e.name.name == HOLE:
+        from koord.syntax.elaboration.candidates import fill_part
+
         fill_part(body, record)
     if not isinstance(record, RecordType):
         hint = None
@@ -147,6 +149,8 @@ def _qualified(body: BodyScope, e: ast.Attribute, owner: str) -> Meaning:
     else:
         body.note(e.base.span, ModuleSymbol(owner))
     if e.name.name == HOLE:
+        from koord.syntax.elaboration.candidates import fill_owned
+
         fill_owned(body, owner, find_module(body, owner))
     if isinstance(kind, EnumType):
         return _member(body, e, kind)

@@ -14,7 +14,6 @@ from koord.syntax.elaboration.body import (
     RobotScope,
     Where,
 )
-from koord.syntax.elaboration.candidates import fill_events
 from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.literals import gone_through
 from koord.syntax.elaboration.names import Meaning, robot_entry
@@ -217,6 +216,8 @@ def ran(body: BodyScope, e: ast.Call) -> core.Expr | None:
         if argument.name in agent.events
     )
     if argument.name == HOLE:
+        from koord.syntax.elaboration.candidates import fill_events
+
         fill_events(body)
     if not events:
         known = [name for agent in body.session.agents for name in agent.events]

@@ -6,7 +6,6 @@ from koord.syntax import ast, core
 from koord.syntax.analysis.folding import constant
 from koord.syntax.diagnostics import Edit
 from koord.syntax.elaboration.body import BodyScope, Where
-from koord.syntax.elaboration.candidates import fill_types
 from koord.syntax.elaboration.phrases import did_you_mean
 from koord.syntax.elaboration.recorder import HOLE, TypeSymbol
 from koord.syntax.types import (
@@ -101,6 +100,8 @@ def _named(body: BodyScope, written: ast.NamedType, depth: int) -> Type | None:
         return _generic(body, name, found, written)
     types = body.session.types
     if name == HOLE:
+        from koord.syntax.elaboration.candidates import fill_types
+
         fill_types(body, [*PREDEFINED, *GENERIC, *types.named])
     if name in types.named:
         meant = types.named[name]

@@ -10,7 +10,6 @@ from koord.syntax.diagnostics import Edit
 from koord.syntax.parsing.line_forms import MAX_DEPTH, UnexpectedError, parse_line
 from koord.syntax.parsing.line_kinds import LineKind
 from koord.syntax.parsing.lines import GOES_ON, UNFINISHED, LinePart
-from koord.syntax.parsing.messages import explain
 from koord.syntax.parsing.operands import MisplacedError
 from koord.syntax.parsing.report import ErrorLog
 from koord.syntax.parsing.tokens import ARMS, BLOCKS, KEYWORDS, Token, shown, words
@@ -100,6 +99,8 @@ class LineReader:
                 self.complain(part, error.code, error.span, error.message, error.hint)
                 break
             except UnexpectedError as error:
+                from koord.syntax.parsing.messages import explain  # of mistakes
+
                 complaint = explain(form, tokens, error, part.end)
                 at = start + error.position
                 if opens and complaint.code in _NO_COLON and self._splits(part, at):

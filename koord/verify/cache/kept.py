@@ -286,7 +286,8 @@ def _is_fact(verdict: Verdict, *, lasting: bool) -> bool:
 def _shown(system: System, claim: Claim, kept: Counterexample) -> Counterexample | None:
     """A kept counterexample, replayed on the whole system; None if it breaks nothing there."""
     # What replays loads Z3, which is not needed where claims hold.
-    from koord.verify.witness import NotReplayedError, replayed
+    from koord.verify.verdicts import NotReplayedError
+    from koord.verify.witness import replayed
 
     recording = kept.recording
     try:

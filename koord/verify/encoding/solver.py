@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
+from math import ceil
 
 from msgspec import Struct
 
@@ -91,6 +92,7 @@ class Solver:
         self._taken = 0
         self._model: z3.ModelRef | None = None
         self._core: frozenset[int] = frozenset()
+        self._limits: tuple[int, int] | None = None
 
     @cached_property
     def _solver(self) -> z3.Solver:
@@ -195,8 +197,7 @@ class Solver:
         lasts_s, left = meant_s, limit
         for _ in range(_LOOKS):
             given = Deadline.after(lasts_s)  # Z3 has a clock of its own
-            lasts_ms = _FOR_EVER if lasts_s is None else max(1, int(lasts_s * 1000))
-            self._solver.set(timeout=lasts_ms, rlimit=left)
+            self._limit(_FOR_EVER if lasts_s is None else _milliseconds(lasts_s), left)
             result = self._solver.check(*literals)
             if result != z3.unknown or meant_s is None or lasts_s is None:
                 return result, given
@@ -209,6 +210,15 @@ class Solver:
             if (ends_s := deadline.left_s()) is not None:
                 lasts_s = min(lasts_s, ends_s)
         return result, given
+
+    def _limit(self, lasts_ms: int, units: int) -> None:
+        """Set limits of the questions to come, unless they are those of the last one.
+
+        Z3 looks through all of its parameters to set some.
+        """
+        if (lasts_ms, units) != self._limits:
+            self._limits = lasts_ms, units
+            self._solver.set(timeout=lasts_ms, rlimit=units)
 
     def script(self, question: Iterable[Term]) -> str:
         """The query with the constraints, as a script of SMT-LIB 2."""
@@ -257,6 +267,13 @@ class Solver:
         for constraint in new:
             if self.d.known(constraint) is not True:
                 require(self._solver, self.d.boolean(constraint))
+
+
+def _milliseconds(seconds: float) -> int:
+    """A limit of time for Z3: beyond a second in tenths, so that most questions have the same."""
+    if seconds < 1:
+        return max(1, int(seconds * 1000))
+    return 100 * ceil(seconds * 10)
 
 
 def _longest_s(limit: int) -> float:

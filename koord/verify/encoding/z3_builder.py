@@ -26,9 +26,10 @@ T = TypeVar("T")
 def _function(name: str, result: Any) -> Any:
     """A C function of Z3, called without what its Python interface does around each call.
 
-    Arguments are what that interface has for them, or numbers.
+    Arguments are what that interface has for them, or numbers. Python's lock is kept meanwhile: to
+    let it go and to take it again takes as long as most of these calls do.
     """
-    return ctypes.CFUNCTYPE(result)(address_of(name))
+    return ctypes.PYFUNCTYPE(result)(address_of(name))
 
 
 # --- making terms ---------------------------------------------------------------------------------

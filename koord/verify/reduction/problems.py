@@ -9,7 +9,6 @@ from random import Random
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.sampling.run_extension import Plain, extended
 from koord.sampling.values import Sampler
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.expressions import statement
@@ -40,8 +39,7 @@ from koord.verify.claims import Claim, ClaimKind, ClaimPhase, claims_of, livenes
 from koord.verify.ledger import VerificationProblem
 from koord.verify.reduction.abstraction import Abstraction, abstracted
 from koord.verify.reduction.observers import Observer
-from koord.verify.verdicts import Counterexample
-from koord.verify.witness import NotReplayedError, OnlyOfSliceError, replayed, simplified
+from koord.verify.verdicts import Counterexample, NotReplayedError, OnlyOfSliceError
 
 #: Lists of a counterexample are made up no longer than that: nobody could read them.
 MOST_ITEMS = 12
@@ -440,6 +438,8 @@ def _judged(
     system: System, recording: Recording, claim: Claim, phase: ClaimPhase
 ) -> Counterexample:
     """The simplified counterexample of a recording that breaks a claim. Raises NotReplayedError."""
+    from koord.verify.witness import replayed, simplified  # who has no violation needs none of it
+
     if claim.kind is ClaimKind.LIVENESS:
         return _lasso(system, recording, claim)
     replayed(system, recording, claim, phase)
@@ -465,6 +465,8 @@ class _Completing(Struct):
         Where no start was found once, none is looked for again: nearly always assumptions
         contradict each other, and otherwise the whole system is asked all the same.
         """
+        from koord.sampling.run_extension import extended
+
         why = NotReplayedError("no start was found that meets the assumptions")
         starts = False
         for sampler in () if self.never_starts else _samplers(self.system):
@@ -484,6 +486,8 @@ def _is_no_start(error: KoordError | IllegalStepError) -> bool:
 
 
 def _samplers(system: System) -> Iterator[Sampler]:
+    from koord.sampling.run_extension import Plain
+
     yield Plain(system, Numbers.EXACT, Random(0))
     yield from (_Hasty(system, Numbers.EXACT, Random(seed)) for seed in range(TRIES))
 

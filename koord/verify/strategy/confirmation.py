@@ -7,8 +7,7 @@ from msgspec.structs import replace
 from koord.syntax.system import System
 from koord.verify.obstacles import Unreplayed
 from koord.verify.reduction.problems import plain_problem
-from koord.verify.verdicts import Outcome, Report, Verdict
-from koord.verify.witness import NotReplayedError
+from koord.verify.verdicts import NotReplayedError, Outcome, Report, Verdict
 
 
 def confirmed(system: System, report: Report) -> Report:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -19,7 +19,6 @@ from koord.semantics.recordings import Recording
 from koord.syntax.analysis.auxiliary import Var
 from koord.verify.bounded_check import AFTERWARDS_S, Unroller
 from koord.verify.claims import Claim, ClaimPhase, claims_of, liveness_of
-from koord.verify.each_claim import note_end
 from koord.verify.engine_names import Engine
 from koord.verify.job_process import JobChannel, Progress
 from koord.verify.ledger import Extract, Judge, Ledger, VerificationProblem, reach_of
@@ -29,10 +28,11 @@ from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.problems import Identity, identity, problem_of
 from koord.verify.reduction.slicing import Slices
 from koord.verify.strategy.resumption import Steps
-from koord.verify.strategy.rounds_question import Looked, RoundsQuestion, by_cubes, joined, look
 from koord.verify.strategy.table import AnyTurn
-from koord.verify.verdicts import Counterexample, Outcome, Verdict
-from koord.verify.witness import NotReplayedError
+from koord.verify.verdicts import Counterexample, NotReplayedError, Outcome, Verdict
+
+if TYPE_CHECKING:
+    from koord.verify.strategy.rounds_question import Looked
 
 
 class _Slice(Struct, frozen=True):
@@ -133,6 +133,8 @@ class EachClaimTurn(Struct, frozen=True):
         self, ledger: Ledger, claims: Sequence[Claim], slice_: _Slice
     ) -> dict[Claim, list[Job[Looked]]]:
         """Start the checks of some claims: of each one, or what others do of it together."""
+        from koord.verify.strategy.rounds_question import RoundsQuestion, by_cubes, look
+
         until = ledger.deadline.at_last()
 
         def go_on(claim: Claim, tell: Progress) -> Looked:
@@ -154,6 +156,9 @@ class EachClaimTurn(Struct, frozen=True):
 
     def _taken(self, ledger: Ledger, jobs: Mapping[Claim, Sequence[Job[Looked]]]) -> list[Claim]:
         """Merge results; return the claims whose checks can go on."""
+        from koord.verify.each_claim import note_end
+        from koord.verify.strategy.rounds_question import joined
+
         tired: list[Claim] = []
         looks: dict[Claim, list[Looked]] = {claim: [] for claim in jobs}
         over: set[Claim] = set()

@@ -18,7 +18,6 @@ from koord.verify.bounded_check import Unroller
 from koord.verify.claims import Claim, claims_of, liveness_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.engines.bmc.engine import others
 from koord.verify.engines.engine import Workers
 from koord.verify.helpers import Helpers
 from koord.verify.job_process import Progress, was_interrupted
@@ -33,7 +32,6 @@ from koord.verify.strategy.each_claim_turn import (
     SpuriousViolations,
     on_slice,
 )
-from koord.verify.strategy.few_robots import looked_at_with_few
 from koord.verify.strategy.liveness import LivenessVerdicts, settled
 from koord.verify.strategy.race import Ahead, RaceTurn, Runner
 from koord.verify.strategy.resumption import PastVerification, Steps
@@ -145,6 +143,8 @@ class _Verification(Struct, frozen=True):
         verdicts, ledger, last = self._of_states(problem, slices, known, search, ahead)
         cut = last.interrupted
         if every_n and not cut:
+            from koord.verify.strategy.few_robots import looked_at_with_few
+
             verdicts = looked_at_with_few(self.system, verdicts, self.deadline, self.pool.progress)
         search.wanted &= not cut and not ledger.stopped
         proved = [v for v in verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
@@ -596,6 +596,8 @@ def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool, slices: Sli
     def find(
         claim: Claim, shown: Counterexample, tell: Progress
     ) -> tuple[tuple[Counterexample, ...], EnumerationResult]:
+        from koord.verify.engines.bmc.engine import others
+
         tell("other ways to break it")
         try:
             if slices is not None:

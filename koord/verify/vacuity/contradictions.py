@@ -29,7 +29,6 @@ from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import Status, System
 from koord.syntax.types import BoolType, EnumType, FloatType, IntType, is_flat
 from koord.syntax.walk import reached
-from koord.traces.rendering import show_value
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import Solver, SolverAnswer
 from koord.verify.encoding.symbols import SymbolicInputs
@@ -197,6 +196,8 @@ class _Asking:
 
     def unanswered(self) -> str:
         """Arguments without an answer, in words; empty if there are none, or it is unknown."""
+        from koord.traces.rendering import show_value
+
         external = self._external
         if not all(isinstance(v.type, _SCALARS) for v in (external.result, *external.parameters)):
             return ""

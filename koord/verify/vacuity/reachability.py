@@ -31,8 +31,7 @@ from koord.verify.engines.explicit.limits import FEW_STATES, Limits
 from koord.verify.engines.induction.proving import prove
 from koord.verify.ledger import Ledger
 from koord.verify.vacuity.reaching_runs import ReachingRuns
-from koord.verify.verdicts import Counterexample, Outcome
-from koord.verify.witness import NotReplayedError
+from koord.verify.verdicts import Counterexample, NotReplayedError, Outcome
 
 #: How often robots skip though they need not, in runs by chance. (Besides them there is the run
 #: that the runtime would make.) Deadlines are met only where robots seldom act of themselves.

@@ -21,9 +21,7 @@ from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimPhase, StepFindings, broken
 from koord.verify.encoding.solver import Model
 from koord.verify.encoding.unrolling import Unrolling
-from koord.verify.promises import unkept
 from koord.verify.verdicts import ReachingRun
-from koord.verify.witness import ModelReader, recording_of
 
 #: So many runs are kept of one system: most reach several goals.
 MOST_RUNS = 16
@@ -70,6 +68,8 @@ class ReachingRuns(Struct):
 
     def note(self, unrolling: Unrolling, model: Model, phase: ClaimPhase) -> None:
         """Keep the run of a model, which breaks claims where it ends, in a phase."""
+        from koord.verify.witness import ModelReader, recording_of
+
         if phase in (ClaimPhase.INIT, ClaimPhase.END) and len(self.useful) < self.most:
             reader = ModelReader(model, unrolling.system)
             recording = recording_of(reader, unrolling.opening, unrolling.rounds, phase)
@@ -102,6 +102,8 @@ def layout_of(system: System) -> str:
 
 def _shown(system: System, recording: Recording, nevers: Collection[Claim], rounds: int) -> Reached:
     """What a recording shows of a system; nothing if it is no run of it."""
+    from koord.verify.promises import unkept
+
     heard: list[Answer] = []
     found: set[Claim] = set()
     starts = goes_on = False

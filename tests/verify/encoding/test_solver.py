@@ -165,6 +165,25 @@ def test_what_is_cut_short_by_the_work_of_others_is_asked_again_for_longer() -> 
         assert times == [1_000]
 
 
+def test_limits_of_a_question_are_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are given to Z3 where they are others than those of the last question."""
+    given: list[dict[str, int]] = []
+    limits = z3.Solver.set
+
+    def noted(self: z3.Solver, *names: object, **values: int) -> None:
+        given.append(values)
+        limits(self, *names, **values)
+
+    d, _, s = solver()
+    s.add([d.fresh("x", BOOL)])
+    monkeypatch.setattr(z3.Solver, "set", noted)
+    for units in (10**9, 10**9, 50_000, 10**9):
+        answer = s.check([d.fresh("x", BOOL)], NEVER, Effort(10**10), at_most=units)
+        assert answer is SolverAnswer.SAT
+    assert [limit["rlimit"] for limit in given] == [10**9, 50_000, 10**9]
+    assert s.check([hard(d)], NEVER, Effort(10**9), at_most=50_000) is SolverAnswer.UNKNOWN
+
+
 def test_without_a_deadline_none_is_left_from_before() -> None:
     d, _, s = solver()
     told: dict[str, object] = {}

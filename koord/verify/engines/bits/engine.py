@@ -28,8 +28,7 @@ from koord.verify.engines.bits.unrolling import Copy, UnrolledCircuit, holds_alw
 from koord.verify.engines.engine import Task, Tools, Worker
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Lengths, NoInvariant, Obstacle, Unreplayed, Values, gave_up
-from koord.verify.verdicts import Outcome, Verdict, has_fewest
-from koord.verify.witness import NotReplayedError
+from koord.verify.verdicts import NotReplayedError, Outcome, Verdict, has_fewest
 
 #: So many rounds are unrolled before IC3 is asked: one, before claims alone are.
 FIRST_ROUNDS = 2

@@ -42,8 +42,14 @@ from koord.verify.job_process import JobChannel
 from koord.verify.ledger import Ledger
 from koord.verify.obstacles import Beyond, Lengths, Obstacle, Unreplayed, Values, gave_up
 from koord.verify.processes import Pool
-from koord.verify.verdicts import Outcome, Vacuity, Verdict, no_fair_run
-from koord.verify.witness import NotReplayedError, OnlyOfSliceError
+from koord.verify.verdicts import (
+    NotReplayedError,
+    OnlyOfSliceError,
+    Outcome,
+    Vacuity,
+    Verdict,
+    no_fair_run,
+)
 
 #: Lassos with so many rounds are looked for before a proof is tried.
 FIRST_ROUNDS = 4

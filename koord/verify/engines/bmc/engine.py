@@ -26,8 +26,8 @@ from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Task, Tools, Worker
 from koord.verify.ledger import Ledger
-from koord.verify.verdicts import Counterexample, EnumerationResult
-from koord.verify.witness import ModelReader, NotReplayedError, recording_of
+from koord.verify.verdicts import Counterexample, EnumerationResult, NotReplayedError
+from koord.verify.witness import ModelReader, recording_of
 
 #: What may be spent on the search for other ways, when one is known: about so many seconds.
 _SECONDS = 60.0

@@ -23,7 +23,6 @@ from koord.syntax.types import INT, EnumType
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.functions import Functions, FunctionTerms, RobotInputs
 from koord.verify.engines.every_n.instantiation import Book
-from koord.verify.engines.every_n.loops import Facts, MachineLoop
 from koord.verify.engines.every_n.sums import Sums
 
 
@@ -117,6 +116,8 @@ class Everyone(Struct):
         body: Callable[[Machine[Term], Term], None],
         span: Span,
     ) -> None:
+        from koord.verify.engines.every_n.loops import Facts, MachineLoop
+
         MachineLoop(Facts(self.book, self.sums, self.overlooked), m, low, high, body, span).run()
 
 

@@ -17,7 +17,6 @@ from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, PropertyKind, UnaryOp
-from koord.syntax.printing.quoting import Quoting
 from koord.syntax.types import (
     BOOL,
     FLOAT,
@@ -48,6 +47,8 @@ _READ_X, _READ_Y = core.Read(core.Place(X)), core.Read(core.Place(Y))
 
 def candidates(program: core.Program) -> tuple[Claim, ...]:
     """The candidate invariants of a program with one kind of robots; none for others."""
+    from koord.syntax.printing.quoting import Quoting
+
     if len(program.agents) != 1:
         return ()
     found: dict[str, Claim] = {}

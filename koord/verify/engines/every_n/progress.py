@@ -379,7 +379,8 @@ class _Search:
 
     def _settled(self, questions: RoundQuestions, candidates: Sequence[Measure]) -> list[Measure]:
         """Add measures that settle, one layer after the other; those that may still change."""
-        left = questions.changing(candidates)
+        left, is_sifted = list(candidates), False
+        # Of those that settle it is asked first whether they change, as they are few.
         while new := questions.changing(questions.settling(left)):
             self.measures += new
             self.order += new
@@ -387,7 +388,8 @@ class _Search:
                 questions.keep(measure)
             # What cannot change any more says nothing.
             left = questions.changing([measure for measure in left if measure not in new])
-        return left
+            is_sifted = True
+        return left if is_sifted else questions.changing(left)
 
 
 #: How many generations of names questions are asked with, one after the other.

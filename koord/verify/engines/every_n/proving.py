@@ -18,7 +18,6 @@ from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.system import System
 from koord.verify.claims import Claim
 from koord.verify.effort import Deadline, Effort
-from koord.verify.engines.every_n.consequences import consequences
 from koord.verify.engines.every_n.questions import (
     GENEROUS,
     NOT_COVERED,
@@ -54,6 +53,8 @@ def prove(
     How many robots the system has plays no part. What is ``known`` to hold in every round, for
     every number of robots, is assumed; what follows from it alone is not asked of any round.
     """
+    from koord.verify.engines.every_n.consequences import consequences
+
     means = Means(deadline, effort, thrift, seed)
     reasons: dict[Claim, str] = {}
     follows: set[Claim] = set()

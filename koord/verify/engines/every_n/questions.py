@@ -6,7 +6,7 @@ All claims are assumed of some configuration, and each is asked for after one mo
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from msgspec import Struct
 
@@ -23,10 +23,12 @@ from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import Solver, SolverAnswer
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem, Universal
-from koord.verify.engines.every_n.conditions import Condition
 from koord.verify.engines.every_n.initial_states import ArbitraryState, ParameterisedInit, faults_of
 from koord.verify.engines.every_n.rounds import ParameterisedRound, RoundStart
 from koord.verify.engines.every_n.watching import Watching
+
+if TYPE_CHECKING:
+    from koord.verify.engines.every_n.conditions import Condition
 
 #: What a goal is for: a claim, or a premise of a proof.
 G = TypeVar("G", bound=Hashable)

@@ -7,6 +7,7 @@ one of the rest, and nothing more follows of the rest than did before.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
@@ -19,8 +20,10 @@ from koord.verify.encoding.solver import Model
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem, Universal
 from koord.verify.engines.every_n.bound import I
-from koord.verify.engines.every_n.conditions import Asked, Condition
 from koord.verify.engines.every_n.instantiation import Names
+
+if TYPE_CHECKING:
+    from koord.verify.engines.every_n.conditions import Asked, Condition
 
 #: Of robots with names of later generations it is not known how conditions are: what these say of
 #: all robots would bring up ever more names.

@@ -21,8 +21,7 @@ from koord.verify.engines.explicit.property_checks import SearchGoal as Searched
 from koord.verify.engines.explicit.search import Progress, Search, begun
 from koord.verify.ledger import Judge
 from koord.verify.obstacles import Beyond, Obstacle, Values
-from koord.verify.verdicts import Counterexample, Outcome, Verdict
-from koord.verify.witness import NotReplayedError
+from koord.verify.verdicts import Counterexample, NotReplayedError, Outcome, Verdict
 
 _SUBJECTS = {
     ClaimKind.PROPERTY: GoalKind.PROPERTY,

@@ -19,8 +19,7 @@ from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, OutOfBounds
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Obstacle, Unreplayed, gave_up
-from koord.verify.verdicts import Outcome, Vacuity, Verdict, no_fair_run
-from koord.verify.witness import NotReplayedError
+from koord.verify.verdicts import NotReplayedError, Outcome, Vacuity, Verdict, no_fair_run
 
 
 class ExplicitLivenessEngine(Struct, frozen=True):

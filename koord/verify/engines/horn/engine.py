@@ -31,8 +31,8 @@ from koord.verify.engines.engine import Purpose, Task, Tools, Worker
 from koord.verify.engines.horn.clauses import Clauses, Reached, Safe, constants, scalars
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Beyond, Obstacle, Unreplayed, gave_up
-from koord.verify.verdicts import Counterexample, Outcome, Verdict, has_fewest
-from koord.verify.witness import ModelReader, NotReplayedError, recording_of
+from koord.verify.verdicts import Counterexample, NotReplayedError, Outcome, Verdict, has_fewest
+from koord.verify.witness import ModelReader, recording_of
 
 #: What takes longer, about so many seconds, is not looked for where all that was asked is answered.
 HASTY_S = 3.0

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -38,7 +39,9 @@ from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engine_names import Engine
 from koord.verify.verdicts import BrokenStep, Outcome, Verdict
-from koord.verify.witness import ModelReader
+
+if TYPE_CHECKING:
+    from koord.verify.witness import ModelReader
 
 
 def representatives(system: System) -> Callable[[Claim], Claim]:
@@ -298,6 +301,8 @@ class _Step:
 
     def _keep(self, model: Model, moment: SymbolicConfiguration, claims: Sequence[Claim]) -> None:
         """Record the step that breaks claims. Assumed moments are middles and ends of rounds."""
+        from koord.verify.witness import ModelReader
+
         ends = [m.configuration for m in self._assumed if m.phase is not ClaimPhase.MIDDLE]
         reader = ModelReader(model, self._system)
         step = broken_step(reader, ends, moment.configuration, moment.phase)

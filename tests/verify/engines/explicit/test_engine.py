@@ -22,8 +22,8 @@ from koord.verify.ledger import Judge, Ledger
 from koord.verify.processes import Pool
 from koord.verify.reduction.problems import plain_problem
 from koord.verify.strategy.verification import verify
-from koord.verify.verdicts import Bounds, Counterexample, Outcome
-from koord.verify.witness import NotReplayedError, replayed
+from koord.verify.verdicts import Bounds, Counterexample, NotReplayedError, Outcome
+from koord.verify.witness import replayed
 from tests.loading import program_of
 from tests.verify.asking import of_text
 
