@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from itertools import takewhile
 from os import PathLike
+from pathlib import PurePath
 
 from msgspec import Struct, to_builtins
 from msgspec.structs import replace
@@ -285,7 +286,9 @@ def make_campaign(
 
         draw_campaign(
             request.plot,
-            CampaignFigure(found.program + found.common(), found.swept, found.groups()),
+            CampaignFigure(
+                PurePath(found.program).name + found.common(), found.swept, found.groups()
+            ),
         )
     return found
 

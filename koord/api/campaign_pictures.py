@@ -90,12 +90,6 @@ def _draw_finished(axis: Axes, rows: Sequence[Row]) -> None:
 
 def _draw_endings(axis: Axes, rows: Sequence[Row]) -> None:
     """Plot how runs ended; those that broke a claim or got stuck are told apart."""
-
-    def told(row: Row) -> str:
-        if row.broken:
-            return "a claim was broken"
-        return f"{row.ending}, some stuck" if row.stuck else row.ending
-
     counts = Counter(map(told, rows))
     names = sorted(counts, key=lambda name: (counts[name], name))
     bad = {told(row) for row in rows if row.is_bad or row.stuck}
@@ -107,6 +101,16 @@ def _draw_endings(axis: Axes, rows: Sequence[Row]) -> None:
         axis.text(counts[name], place, f" {counts[name]}", va="center")
     axis.set(xlabel="runs", xlim=(0, 1.15 * max(counts.values())))
     axis.set_title("how they ended", fontsize=10)
+
+
+def told(row: Row) -> str:
+    """How a run ended, in words; it broke a claim, or some of its robots got stuck."""
+    from koord.sim.running import Ending
+
+    if row.broken:
+        return Ending.VIOLATED.value
+    words = Ending[row.ending.upper()].value
+    return f"{words}, some stuck" if row.stuck else words
 
 
 def _draw_spread(axis: Axes, label: str, values: Sequence[float]) -> None:

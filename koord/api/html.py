@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from koord.api.results import ArgumentError
@@ -89,7 +90,7 @@ def verification_page(reports: Sequence[VerifyReport], parts: Parts | None = Non
     parts = Parts() if parts is None else parts
     stories: list[story_form.Story] = []
     told = [_told(report, parts, stories) for report in reports]
-    title = ", ".join(dict.fromkeys(report.problem.name for report in reports))
+    title = ", ".join(dict.fromkeys(PurePath(report.problem.name).name for report in reports))
     return page_of(title, stories, told)
 
 

@@ -249,7 +249,7 @@ def of_refused(trace: Recorded, refused: Refused) -> Story:
     told.ending = replace(
         told.ending,
         kind="refused",
-        headline=f"not legal by {refused.rule}: {where}{who}{what}",
+        headline=f"{where}{who}{what}: not legal",  # the rule is told beside it
         moment=len(told.moments) - 1,
         detail=refused.reason,
         rule=refused.rule,

@@ -25,7 +25,7 @@ from koord.cli.progress import Interruption, LiveLine
 from koord.cli.terminal import Paint, style_of, visible
 
 #: The flags that say how one run is made or shown.
-OF_ONE_RUN = ("trace", "record", "processes", "planners", "live", "pace")
+OF_ONE_RUN = ("html", "trace", "record", "processes", "planners", "live", "pace")
 
 
 def campaign_request(arguments: argparse.Namespace) -> CampaignRequest:

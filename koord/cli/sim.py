@@ -43,6 +43,9 @@ if TYPE_CHECKING:
 #: Where the page goes if nobody says.
 _PAGE = "run.html"
 
+#: What stands for no page: no file has this name.
+_NO_PAGE = ""
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     add_files(parser, several=False)
@@ -189,11 +192,10 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--html",
         metavar="FILE",
-        default=_PAGE,
         help=f"where the page goes that shows the run; it loads nothing from elsewhere ({_PAGE})",
     )
     parser.add_argument(
-        "--no-html", dest="html", action="store_const", const=None, help="make no page"
+        "--no-html", dest="html", action="store_const", const=_NO_PAGE, help="make no page"
     )
     parser.add_argument(
         "--view",
@@ -329,7 +331,7 @@ def _request(arguments: argparse.Namespace) -> SimulationRequest:
     from koord.api.sim_run import SimulationRequest
 
     outputs = Outputs(
-        html=arguments.html,
+        html=(_PAGE if arguments.html is None else arguments.html) or None,
         view=arguments.view,
         record=tuple(arguments.record),
         plot=arguments.plot,

@@ -16,7 +16,7 @@ from jsonschema import validate
 from msgspec.structs import replace
 
 from koord.api.campaign_figures import mean_and_reach
-from koord.api.campaign_pictures import finished
+from koord.api.campaign_pictures import finished, told
 from koord.api.documents import schema
 from koord.cli.exits import Exit
 from koord.cli.main import main
@@ -112,6 +112,13 @@ def test_runs_of_one_value_are_drawn_as_they_are_distributed(tmp_path: Path) -> 
     first = picture.read_text("utf-8")
     for words in ("done: 3 of 3 runs", "how they ended", "distance of all robots"):
         assert f"<!-- {words}" in first
+
+
+def test_endings_are_told_in_words() -> None:
+    ended = replace(PLAIN, broken=0, stuck=0, ending="limit")
+    assert told(ended) == "the time was up"
+    assert told(replace(ended, stuck=1)) == "the time was up, some stuck"
+    assert told(replace(ended, broken=2)) == "a claim was broken"
 
 
 def test_the_share_of_runs_that_are_done_counts_all_runs() -> None:
@@ -370,6 +377,7 @@ def test_what_says_nothing_to_splitting_is_refused(capsys: pytest.CaptureFixture
         ["--splitting", "separation", "--particles", "1"],
         ["--level", "x"],
         ["--runs", "3", "--particles", "7"],
+        ["--runs", "3", "--html", "run.html"],
     ):
         assert main(["sim", *PATH, *words]) == Exit.BAD_INPUT
         assert words[-2].removeprefix("--") in capsys.readouterr().err

@@ -102,7 +102,7 @@ def test_a_run_that_is_refused_is_shown_and_kept(
     page = ["--html", "refused.html"]
     assert koord(file, "--runs", "6", "--seed", "3", "--target", target, *page) == Exit.VIOLATED
     shown = Path("refused.html").read_text("utf-8")
-    assert '"headline":"not legal by ENV-TRANS: round 1"' in shown
+    assert '"headline":"round 1: not legal"' in shown
     assert '"name":"sum","expected":"2","found":"1"' in shown
     out = capsys.readouterr().out
     assert f"refused: app.krd: 1 robot, δ = 0.1 s, {target}" in out

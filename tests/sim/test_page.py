@@ -281,6 +281,21 @@ def test_variables_are_those_of_the_round(opened: Tab) -> None:
 
 
 @in_a_browser
+def test_ports_are_named_as_the_program_names_them(
+    tab: Tab, recording: RunLog, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.html"
+    path.write_bytes(page_of(recording))
+    tab.open(path.as_uri())
+    tab.ask("page.choose(0), page.seek(1)")
+    told = shown_text(tab, "pane")
+    assert "isOnTask" in told
+    assert "Motion.path" in told
+    assert "Motion_" not in told
+    assert tab.ask("document.title") == "task.krd – a run"
+
+
+@in_a_browser
 def test_every_tab_and_layer_can_be_shown_light_and_dark(opened: Tab) -> None:
     for name in ("Shared", "Plot", "Log", "Program", "Robot"):
         opened.ask(f"page.panels.show('{name}')")

@@ -57,8 +57,10 @@ class Overview {
     if (left.length) section("What claims cannot depend on", "", made("ul", { class: "list" }, ...left.map(([name, what]) => made("li", {}, made("b", {}, name), `: ${what.join(", ")}`))));
     if (report.failures.length) section("What failed", "the verdicts stand", made("ul", { class: "list" }, ...report.failures.map((one) => made("li", {}, `${one.who}: ${one.what}`))));
     for (const text of texts) {
-      section(shortName(text.name), "", made("div", { class: "text-pane", tabindex: "0" }, made("pre", { class: "code" }, ...text.text.split("\n").map((line) =>
-        made("span", { class: `line${/^\s*#/.test(line) ? " comment" : ""}` }, line || "\u200b")))));
+      const name = shortName(text.name);
+      const lines = text.text.split("\n").map((line) => made("span", { class: `line${/^\s*#/.test(line) ? " comment" : ""}` }, line || "\u200b"));
+      parts.push(made("section", { class: "panel", "aria-label": name }, made("h2", { class: "file" }, name),
+        made("div", { class: "inside" }, made("div", { class: "text-pane", tabindex: "0" }, made("pre", { class: "code" }, ...lines)))));
     }
     return parts;
   }

@@ -34,12 +34,17 @@ class Run {
     // The programs one after the other: from when on, their texts, and the variables that they have
     // ([shared, of each agent]; null: all).
     this.programs = [{ time: -Infinity, text: this.header.text, has: null }];
-    this.name();
+    this.name(this.header.text);
     this.append(pack);
   }
 
-  /** The names of all events, and which of them an agent's are. */
-  name() {
+  /** The names of all events, and which of them an agent's are; ports are named as the text does. */
+  name(text) {
+    const modules = [...(text ?? "").matchAll(/^[ \t]*using[ \t]+(\w+)/gm)].map(([, module]) => module).sort((a, b) => b.length - a.length);
+    for (const variable of this.header.agents.flatMap((agent) => agent.variables)) {
+      const module = ["sensor", "actuator"].includes(variable.home) && modules.find((one) => variable.name.startsWith(`${one}_`));
+      if (module) variable.name = `${module}.${variable.name.slice(module.length + 1)}`;
+    }
     const names = [...new Set(this.header.agents.flatMap((agent) => agent.events))];
     this.eventNames = names;
     this.looks = this.header.agents.map((agent) => agent.events.map((name) => names.indexOf(name)));
@@ -75,7 +80,7 @@ class Run {
       while (own.length < variables.length) own.push(new History());
     });
     Object.assign(this.header, { agents, shared });
-    this.name();
+    this.name(text ?? this.programs.at(-1).text);
     this.programs[this.programs.length - 1].has ??= had;
     if (text !== null) this.programs.push({ time: time / 1000, text, has });
   }
