@@ -12,7 +12,6 @@ import time
 import zlib
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from ipaddress import ip_address
-from pathlib import PurePath
 from typing import Any, BinaryIO
 
 from koord.sim.packing import pack
@@ -71,7 +70,7 @@ class PartPage:
 
 
 def _page(program: str, data: str) -> bytes:
-    return filled("koord.sim", f"{PurePath(program).name} – a run", _SCRIPTS, data).encode()
+    return filled("koord.sim", f"{program} – a run", _SCRIPTS, data).encode()
 
 
 #: Nobody else is to see the run: only this machine.

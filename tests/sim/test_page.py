@@ -292,7 +292,6 @@ def test_ports_are_named_as_the_program_names_them(
     assert "isOnTask" in told
     assert "Motion.path" in told
     assert "Motion_" not in told
-    assert tab.ask("document.title") == "task.krd – a run"
 
 
 @in_a_browser
