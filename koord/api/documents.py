@@ -67,6 +67,7 @@ DOCUMENTS: Mapping[str, str] = {
     "doctor": "what `koord doctor --json` prints",
     "sarif": "what `--sarif FILE` writes: a part of SARIF 2.1.0",
     "simulated": "what `koord sim --json` prints of a run",
+    "campaign": "what it prints of several (`--runs`, `--sweep`, `--until`)",
     "deployed": "what `koord deploy --json` prints",
     "refinement": "what `koord check-refinement --json` prints",
 }
@@ -87,6 +88,7 @@ def schema_text(document: str) -> str:
 
 #: Documents whose schema is made of structs, and published beside this file.
 GENERATED = (
+    "campaign",
     "certificate",
     "conformance",
     "deployed",
@@ -121,6 +123,7 @@ def generated(document: str) -> dict[str, Any]:
     whole: Any
     others: dict[str, Any]
     head, whole, others = {
+        "campaign": ({"title": "Runs in a simulated world"}, run_forms.CampaignRuns, {}),
         "certificate": ({"title": "Koord certificate"}, CertificateForm, VALUES),
         "conformance": ({"title": "Findings of koord on a driver"}, forms.Conformed, {}),
         "diagnostics": ({"title": "Diagnostics of koord"}, forms.Diagnostics, {}),
@@ -177,7 +180,7 @@ def schema(document: str = "configuration") -> dict[str, Any]:
     ``document`` is ``"configuration"``, ``"verdicts"``, ``"diagnostics"``, ``"migration"``,
     ``"trace"``, ``"part"``, ``"certificate"``, ``"recheck"``, ``"replay"``, ``"merged"``,
     ``"conformance"``, ``"splitting"``, ``"story"``, ``"doctor"``, ``"sarif"``,
-    ``"simulated"``, ``"deployed"`` or ``"refinement"``.
+    ``"simulated"``, ``"campaign"``, ``"deployed"`` or ``"refinement"``.
 
     Raises :class:`koord.ArgumentError` for another one.
 

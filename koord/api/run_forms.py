@@ -15,6 +15,12 @@ Point: TypeAlias = Annotated[
 Metres: TypeAlias = Annotated[float, Meta(ge=0)]
 Seconds: TypeAlias = Annotated[float, Meta(ge=0)]
 
+#: Why a run ended; `limit`: the time was up.
+Ending: TypeAlias = Annotated[
+    str,
+    words("stopped", "still", "limit", "violated", "fault", "interrupted", "silent", "played"),
+]
+
 
 # --- koord sim ------------------------------------------------------------------------------------
 
@@ -94,10 +100,7 @@ class SimulatedRun(Form):
     program: Annotated[str, Meta(description="The name of the program's file.")]
     problem: Problem
     seed: Natural
-    ending: Annotated[
-        str,
-        words("stopped", "still", "limit", "violated", "fault", "interrupted", "silent", "played"),
-    ]
+    ending: Ending
     rounds: Natural
     time_s: Seconds
     robots: list[SimulatedRobot]
@@ -375,3 +378,81 @@ class JudgedSimulations(Form):
 RefinementAnswer: TypeAlias = (
     RefinementRuns | ProtocolRuns | ProtocolProved | GuardianProved | list[JudgedSimulations]
 )
+
+
+# --- several runs ---------------------------------------------------------------------------------
+
+
+class CampaignRun(Form):
+    """A run of a campaign, as a line of its CSV file."""
+
+    swept: Annotated[str, Meta(description="The value that was swept; empty if none was.")]
+    robots: FromOne
+    values: Annotated[str, Meta(description="δ, and each value that is not the text's.")]
+    seed: Natural
+    ending: Ending
+    time_s: Seconds
+    tasks: Natural
+    tasks_done: Natural
+    tasks_s: Annotated[
+        float | None, Meta(description="When the last task was visited; null: not all were.")
+    ]
+    distance_m: Annotated[float, Meta(ge=0, description="How far all robots went together.")]
+    separation_m: Annotated[
+        float | None, Meta(description="The least between two robots; null if there is one robot.")
+    ]
+    safety_m: Annotated[float, Meta(ge=0, description="Nearer than this is not safe; 0: not said.")]
+    waited_s: Annotated[
+        float, Meta(ge=0, description="How long robots had no goal, and had not stopped.")
+    ]
+    events: Natural
+    skips: Natural
+    blocked: Annotated[
+        Natural, Meta(description="Turns in which another robot was in the lock class.")
+    ]
+    messages: Natural
+    packets_sent: Annotated[
+        Natural, Meta(description="Datagrams of all robots, one to all counted once.")
+    ]
+    packets_received: Natural
+    bytes_sent: Annotated[Natural, Meta(description="Without the headers of the network.")]
+    bytes_received: Natural
+    broken: Annotated[Natural, Meta(description="So many claims were broken.")]
+    stuck: Annotated[
+        Natural, Meta(description="So many robots stand still at the end and should go.")
+    ]
+    digest: Annotated[str, Meta(description="Of its trace; runs with one digest are alike.")]
+    wall_s: Seconds
+    cpu_s: Annotated[float, Meta(ge=0, description="Of the thread that made it.")]
+    memory_mib: Annotated[
+        float, Meta(ge=0, description="The most that its process has had until then.")
+    ]
+    threads: Annotated[Natural, Meta(description="Of its process at the end.")]
+
+
+class CampaignUntil(Form):
+    """The wish for an interval that reaches no further than so much to each side."""
+
+    metric: Literal["time", "distance", "waited", "broken"]
+    reach: float
+
+
+class CampaignInterval(Form):
+    """A mean, or a rate, and its interval of 95 % at least."""
+
+    mean: float
+    low: float | None
+    high: float | None
+
+
+class CampaignRuns(Form):
+    """The answer of `koord sim --runs K --json`, and of `--sweep` and `--until`."""
+
+    format: Literal["koord-campaign"]
+    version: Version
+    runs: list[CampaignRun]
+    until: CampaignUntil | UnsetType = UNSET
+    intervals: Annotated[
+        dict[str, CampaignInterval] | UnsetType,
+        Meta(description="Of what `until` names, by the value that was swept, or robots."),
+    ] = UNSET

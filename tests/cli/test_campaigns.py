@@ -17,6 +17,7 @@ from msgspec.structs import replace
 
 from koord.api.campaign_figures import mean_and_reach
 from koord.api.campaign_pictures import finished, told
+from koord.api.campaign_runs import Row
 from koord.api.documents import schema
 from koord.cli.exits import Exit
 from koord.cli.main import main
@@ -63,8 +64,9 @@ def test_a_sweep_has_a_line_for_each_value(capsys: pytest.CaptureFixture[str]) -
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[1:]] == ["height", "1", "1.5"]
     assert main(["sim", *TASK, "--sweep", "robots=2..3", "--json"]) == Exit.OK
-    runs = json.loads(capsys.readouterr().out)["runs"]
-    assert [run["robots"] for run in runs] == [2, 3]
+    told = json.loads(capsys.readouterr().out)
+    validate(told, schema("campaign"))
+    assert [run["robots"] for run in told["runs"]] == [2, 3]
 
 
 @pytest.mark.slow
@@ -112,6 +114,12 @@ def test_runs_of_one_value_are_drawn_as_they_are_distributed(tmp_path: Path) -> 
     first = picture.read_text("utf-8")
     for words in ("done: 3 of 3 runs", "how they ended", "distance of all robots"):
         assert f"<!-- {words}" in first
+
+
+def test_the_schema_of_a_campaign_has_all_that_is_told_of_a_run() -> None:
+    run = schema("campaign")["$defs"]["CampaignRun"]
+    assert list(run["properties"]) == list(Row.__struct_fields__)
+    assert set(run["required"]) == set(Row.__struct_fields__)
 
 
 def test_endings_are_told_in_words() -> None:
@@ -311,6 +319,7 @@ def test_a_campaign_ends_when_its_interval_is_narrow(
     table = tmp_path / "runs.csv"
     assert main([*UNTIL, "--csv", str(table), "--json"]) == Exit.OK
     document = json.loads(capsys.readouterr().out)
+    validate(document, schema("campaign"))
     assert 20 <= len(document["runs"]) < 100
     assert document["until"] == {"metric": "distance", "reach": 0.1}
     (interval,) = document["intervals"].values()
