@@ -445,6 +445,7 @@ class _Meter(Struct):
     def say(self) -> None:
         self.told = self.worked
         self.tell.note(Worked(self.worked))
+        self.process = os.getpid()  # once it is told that it is long, work goes on in another one
 
     def before(self, noted: Callable[[Verdict], None], verdict: Verdict) -> None:
         """Tell of the work before a verdict."""
