@@ -664,6 +664,13 @@ VERIFY = (
         ("tests/verify/engines/every_n/test_disjunctions.py",),
     ),
     Mutant(
+        "work that goes on in another process is told of at its end",
+        "verify.strategy.race._Meter.say",
+        "self.process = os.getpid()",
+        "pass",
+        (RACES,),
+    ),
+    Mutant(
         "what never happens is looked for behind what may be in vain",
         "verify.strategy.verification._ReachabilitySearch.begin",
         "self.pool.submit('', looked, first=True)",

@@ -6,6 +6,7 @@ import os
 import signal
 from collections import Counter
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Never, NoReturn
 
@@ -800,6 +801,24 @@ def test_what_takes_longer_than_a_glance_goes_on_in_another_process(
     assert set(engines(ledger).values()) == {Engine.EVERY_N}
     (failure,) = ledger.failures
     assert (failure.who != str(os.getpid())) is apart
+
+
+def test_work_is_told_of_now_and_then_wherever_it_goes_on(system: System) -> None:
+    """Who waits with patience knows how much of it there was before there is an answer."""
+
+    def work(ledger: Ledger) -> None:
+        for _ in range(3 * _HEAD_START // 100):
+            ledger.system.budget.report(100)
+
+    ledger = ledger_of(system)
+    with Pool(2) as pool:
+        begun = Ahead.begun_here([runner(work)], ledger, pool)
+        assert not begun.job.is_done
+        pool.answer(begun.job)
+    told = [noted.steps for noted in begun.job.noted if isinstance(noted, race.Worked)]
+    assert told[-1] == 3 * _HEAD_START
+    steps = [after - before for before, after in pairwise(told)]
+    assert max(steps) <= 2 * race._HEARD
 
 
 @pytest.mark.parametrize(
