@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from koord.cli.main import main
+from koord.sampling import run_extension
 from koord.sampling.run_extension import extended
 from koord.sampling.values import Sampler
 from koord.semantics.recordings import Recording
 from koord.verify.engine_names import Engine
-from koord.verify.reduction import problems
 from koord.verify.verdicts import Outcome
 from tests.sampling import first
 from tests.verify.asking import ask, of_text
@@ -179,7 +179,7 @@ def test_starts_that_contradictory_assumptions_want_are_looked_for_once(
         tried.append(sampler)
         return extended(recording, sampler)
 
-    monkeypatch.setattr(problems, "extended", counted)
+    monkeypatch.setattr(run_extension, "extended", counted)
     text = COUNTS.replace("local:", "local:\n    int a\n    int b")
     text += "assume: forall i: a@i > 5 and b@i > a@i\nassume: forall i: b@i < a@i\n"
     assert told(text, choice)["Sum"][0] is Outcome.HOLDS
