@@ -177,6 +177,13 @@ BITS = (
         "{*g.conjuncts(after)}",
         (STATES, EXPORTING),
     ),
+    Mutant(
+        "what robots share comes first in circuits that are written",
+        "verify.engines.bits.circuit_files._own_first",
+        '"@" not in latch.name',
+        '"@" in latch.name',
+        (EXPORTING,),
+    ),
     # clauses and rounds
     Mutant(
         "a choice is written down on one side",

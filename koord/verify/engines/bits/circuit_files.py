@@ -18,7 +18,7 @@ from koord.verify.engines.bits.circuit import Circuit, Latch
 from koord.verify.engines.bits.clauses import QUICK, Clauses
 from koord.verify.engines.bits.constraint_selection import whatever_range
 from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
-from koord.verify.engines.bits.ic3 import SafetyQuery
+from koord.verify.engines.bits.ic3 import SafetyQuery, reduced
 from koord.verify.engines.bits.legal_choices import choices_of, legal_mistakes, legal_rounds
 from koord.verify.engines.bits.unrolling import Copy
 
@@ -64,6 +64,8 @@ def machine_of(circuit: Circuit, *, between: bool = True) -> TransitionSystem:
         later = g.any_of([breaks, in_states.get(claim, FALSE), lost])
         bad.append(_Badness(claim.name, circuit.bad_start.get(claim, FALSE), later))
     steps, latches = legal_rounds(g, steps, circuit.latches, choices)
+    # What nobody asks about, like the event that a robot ran last, is none of it.
+    latches = _own_first(reduced(latches, g.cone, [steps, *(x.later for x in bad)]))
     if between and _is_determined(g, latches, circuit.opens, bad):
         return _after_init(g, latches, steps, bad)
     return _with_init(g, latches, circuit.opens, steps, bad)
@@ -77,6 +79,14 @@ def machine_asking(g: Graph, question: SafetyQuery) -> TransitionSystem:
     if _is_determined(g, latches, question.opens, bad):
         return _after_init(g, latches, steps, bad)
     return _with_init(g, latches, question.opens, steps, bad)
+
+
+def _own_first(latches: Iterable[Latch]) -> tuple[Latch, ...]:
+    """Latches in order: robots' own variables, then what they share.
+
+    PDR leaves out literals of a cube in the order of latches.
+    """
+    return tuple(sorted(latches, key=lambda latch: "@" not in latch.name))
 
 
 def _is_determined(g: Graph, latches: Sequence[Latch], opens: int, bad: Sequence[_Badness]) -> bool:

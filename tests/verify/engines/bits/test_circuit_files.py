@@ -14,7 +14,9 @@ import z3
 from koord.cli import main as frame
 from koord.cli.exits import Exit
 from koord.refinement.generating.programs import system
-from koord.verify.engines.bits.circuit import Circuit
+from koord.syntax.system import dealt
+from koord.verify.claims import claims_of
+from koord.verify.engines.bits.circuit import Circuit, circuit_of
 from koord.verify.engines.bits.circuit_files import (
     Format,
     TransitionSystem,
@@ -25,6 +27,7 @@ from koord.verify.engines.bits.clauses import QUICK, Clauses
 from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
 from koord.verify.engines.bits.unrolling import Copy
 from tests.generators.profiles import FINITE
+from tests.loading import program_of
 from tests.sampling import first
 from tests.verify.asking import bounded
 from tests.verify.engines.bits.aiger import read, read_binary
@@ -36,6 +39,7 @@ def abc_of() -> str | None:
 
 
 SEEDS = range(9_000, 9_040)
+CLAIMING = Path("benchmarks/programs/claiming.krd")
 
 
 def in_range(of: Circuit, random: Random) -> dict[int, bool]:
@@ -84,9 +88,8 @@ def test_what_init_breaks_is_bad_before_it_is_over_and_never_again() -> None:
         begun, valid, *_ = (latch.literal for latch in machine.latches)
         phases = [(of.bad_start.get(c, FALSE), [x for _, x in p]) for c, p in of.bad.items()]
         lost = g.both(of.lost, of.steps)
-        free = [
-            literal >> 1 for literal in (*machine.inputs, *(x.literal for x in machine.latches))
-        ]
+        latches = (*machine.latches, *of.latches)
+        free = [x >> 1 for x in (*machine.inputs, *(latch.literal for latch in latches))]
         for _ in range(40):
             given = {node: random.random() < 0.5 for node in free} | in_range(of, random)
             given[valid >> 1] = given[begun >> 1]
@@ -113,8 +116,8 @@ def test_a_run_is_one_of_the_rules_no_more_after_an_illegal_step() -> None:
         if of is None:
             continue
         g, machine, random = of.d.graph, machine_of(of, between=False), Random(seed)
-        begun, valid, *others = machine.latches
-        free = [x >> 1 for x in (*machine.inputs, *(latch.literal for latch in others))]
+        begun, valid, *_ = machine.latches
+        free = [x >> 1 for x in (*machine.inputs, *(latch.literal for latch in of.latches))]
         for _ in range(40):
             given = {node: random.random() < 0.5 for node in free} | in_range(of, random)
             given |= {begun.literal >> 1: True, valid.literal >> 1: random.random() < 0.5}
@@ -217,6 +220,23 @@ def test_latches_start_as_init_leaves_them_for_others_too(tmp_path: Path) -> Non
         assert said in done.stdout
 
 
+def test_latches_are_those_that_count_and_robots_own_come_first() -> None:
+    """Nobody asks which event a robot ran last, and what is asked hangs on all that is left."""
+    claiming = dealt(program_of(CLAIMING.read_text("utf-8")), 2)
+    of = circuit_of(claiming, claims_of(claiming))
+    machine = machine_of(of)
+    names = [latch.name for latch in machine.latches]
+    assert len(names) < len(of.latches)
+    assert names == sorted(names, key=lambda name: "owner" in name)
+    assert {name.partition("@")[0].partition(".")[0] for name in names} == {
+        "mine",
+        "onTask",
+        "owner",
+    }
+    read = machine.graph.cone([*(x for _, x in machine.bad), *(x.next for x in machine.latches)])
+    assert {latch.literal >> 1 for latch in machine.latches} <= set(read)
+
+
 def can(of: Circuit, given: dict[int, bool], goal: int) -> bool:
     """Return whether a literal can hold in a state, whatever the inputs are."""
     clauses = Clauses(of.d.graph, QUICK)
@@ -275,7 +295,7 @@ def test_binary_aiger_says_the_same() -> None:
         text = exported(one, Format.AIGER, 0, "of a test").decode()
         binary = exported(two, Format.AIG, 0, "of a test")
         assert read_binary(binary) == read(text), seed
-        assert len(binary) < len(text)
+        assert len(binary) < len(text) or text.startswith("aag 0 "), seed
 
 
 def test_the_name_of_the_file_makes_it_binary(tmp_path: Path) -> None:
