@@ -671,6 +671,13 @@ VERIFY = (
         (RACES,),
     ),
     Mutant(
+        "with many robots what is not inductive is asked again",
+        "verify.strategy.table",
+        "Task(seconds=SPARING_S, evaluations=200_000)",
+        "Task(seconds=SPARING_S)",
+        ("tests/verify/strategy/test_many_robots.py",),
+    ),
+    Mutant(
         "what never happens is looked for behind what may be in vain",
         "verify.strategy.verification._ReachabilitySearch.begin",
         "self.pool.submit('', looked, first=True)",

@@ -134,6 +134,9 @@ SPARING_S = 3.0
 #: With many robots whoever proves it has no rival: to fork processes for others would take as long.
 _OF_MANY = Task(seconds=1.0, evaluations=16_000)
 
+#: The same where it had too little of that: what is not inductive is not asked again.
+_MORE_OF_MANY = Task(seconds=SPARING_S, evaluations=200_000)
+
 #: What has proved all claims about a program like this one needs some tenths of a second again, and
 #: has them before others are asked.
 _ONCE_MORE = Task(seconds=0.3, evaluations=40_000)
@@ -201,7 +204,7 @@ _ALL_ENGINES: Rows = (
     AskAtOnce(
         first=(
             AskEngine(Engine.EVERY_N, _A_LITTLE, fleet=Fleet.FEW),
-            AskEngine(Engine.EVERY_N, Task(seconds=SPARING_S), fleet=Fleet.MANY),
+            AskEngine(Engine.EVERY_N, _MORE_OF_MANY, fleet=Fleet.MANY),
             AskEngine(Engine.EVERY_N, _LEMMAS_SOON),
         ),
         beside=(

@@ -10,11 +10,24 @@ from functools import partial
 import pytest
 
 from koord.syntax.system import dealt
+from koord.verify.claims import claims_of
+from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
+from koord.verify.engines.every_n.engine import EveryNEngine
+from koord.verify.engines.every_n.questions import NOT_COVERED, NOT_INDUCTIVE
+from koord.verify.ledger import Ledger, Reach
 from koord.verify.processes import Job, Pool
+from koord.verify.reduction.problems import plain_problem
 from koord.verify.strategy import race, verification
 from koord.verify.strategy.race import RaceTurn
-from koord.verify.strategy.table import FEW_ROBOTS, LIVENESS, SAFETY, Fleet
+from koord.verify.strategy.table import (
+    FEW_ROBOTS,
+    LIVENESS,
+    SAFETY,
+    AskAtOnce,
+    AskEngine,
+    Fleet,
+)
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report
 from tests.loading import program_of
@@ -111,3 +124,20 @@ def test_of_two_robots_whole_runs_are_not_asked_ahead(monkeypatch: pytest.Monkey
     (work,) = begun
     assert isinstance(work, partial)
     assert work.func is race._asked
+
+
+@pytest.mark.parametrize(
+    ("reason", "again"),
+    [(NOT_INDUCTIVE, False), (f"{NOT_COVERED}: long lists", False), ("too much", True)],
+    ids=["inductive", "covered", "time"],
+)
+def test_what_was_found_out_before_the_race_is_not_asked_again(reason: str, again: bool) -> None:
+    """Nothing is known in the first race that was not known by then."""
+    (race_row, *_) = [row for row in SAFETY[None] if isinstance(row, AskAtOnce)]
+    (row,) = [
+        row for row in race_row.first if isinstance(row, AskEngine) and row.fleet is Fleet.MANY
+    ]
+    system = dealt(program_of(TEXT), MANY)
+    ledger = Ledger(plain_problem(system), Bounds(4), Deadline(), claims_of(system))
+    ledger.leave(ledger.open(), Reach(Engine.EVERY_N, None, reason, 0.0))
+    assert EveryNEngine().suits(ledger, row.task) is again
