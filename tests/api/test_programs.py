@@ -124,7 +124,7 @@ def test_messages_name_arguments_and_on_a_terminal_flags(
 
 
 def test_nothing_that_is_raised_speaks_of_flags() -> None:
-    """But for documents, and for a command that makes a run again."""
+    """But for documents, comments that are read, and a command that makes a run again."""
     assert in_flags("`form='smt2'` or `engine=`, not `x='y'`") == (
         "`--export smt2` or `--engine`, not `x='y'`"
     )
@@ -135,6 +135,7 @@ def test_nothing_that_is_raised_speaks_of_flags() -> None:
             "verdict_forms",
             "documents",
             "program_files",
+            "configuration_texts",
             "refinement",
             "command_lines",
             "remote",
