@@ -539,8 +539,15 @@ VERIFY = (
     ),
     Mutant(
         "what takes longer than a glance is done where others wait for it",
-        "verify.strategy.race._is_long",
+        "verify.strategy.race._Glance.is_over",
         "noted.steps > _HEAD_START",
+        "False",
+        (RACES,),
+    ),
+    Mutant(
+        "what follows a proof that left claims open is done where others wait for it",
+        "verify.strategy.race._Glance.is_over",
+        "self.turns > 1",
         "False",
         (RACES,),
     ),
@@ -665,7 +672,7 @@ VERIFY = (
     ),
     Mutant(
         "work that goes on in another process is told of at its end",
-        "verify.strategy.race._Meter.say",
+        "verify.strategy.race._Meter.note",
         "self.process = os.getpid()",
         "pass",
         (RACES,),

@@ -82,7 +82,8 @@ class Ahead(Struct, frozen=True):
         known = ledger.of(ledger.open(), ledger.report)
         work = partial(_asked, known, known.open(), runners, PastVerification())
         with ledger.waiting():
-            job = pool.begin_here("", work, is_long=_is_long, until=known.deadline.at_last())
+            until = known.deadline.at_last()
+            job = pool.begin_here("", work, is_long=_Glance().is_over, until=until)
         return Ahead(tuple(runners), known, job)
 
     def settles(self, ledger: Ledger, wanted: Callable[[Ledger], bool]) -> bool:
@@ -402,8 +403,8 @@ def _asked(
 ) -> Extract:
     """Take turns in a process of its own, which tells of steps and verdicts as they come."""
     own = known.of(claims, tell)
-    steps = Steps(past, tell.note, tell.lasting)
     with _working(own, tell) as meter:
+        steps = Steps(past, meter.note, tell.lasting)
         steps.follow(own)
         own.noted = partial(meter.before, own.noted)
         try:
@@ -444,7 +445,10 @@ class _Meter(Struct):
 
     def say(self) -> None:
         self.told = self.worked
-        self.tell.note(Worked(self.worked))
+        self.note(Worked(self.worked))
+
+    def note(self, value: object) -> None:
+        self.tell.note(value)
         self.process = os.getpid()  # once it is told that it is long, work goes on in another one
 
     def before(self, noted: Callable[[Verdict], None], verdict: Verdict) -> None:
@@ -465,9 +469,15 @@ def _working(own: Ledger, tell: JobChannel) -> Iterator[_Meter]:
         meter.say()
 
 
-def _is_long(noted: object) -> bool:
-    """Return whether work of which somebody tells takes longer than a glance."""
-    return isinstance(noted, Worked) and noted.steps > _HEAD_START
+class _Glance(Struct):
+    """What is over once there was so much work, or the first turn has left claims open."""
+
+    turns: int = 0
+
+    def is_over(self, noted: object) -> bool:
+        """Return whether it is over by what somebody tells of."""
+        self.turns += isinstance(noted, StrategyStep)
+        return self.turns > 1 or (isinstance(noted, Worked) and noted.steps > _HEAD_START)
 
 
 def _worked(job: Job[Extract]) -> int:

@@ -803,6 +803,25 @@ def test_what_takes_longer_than_a_glance_goes_on_in_another_process(
     assert (failure.who != str(os.getpid())) is apart
 
 
+def test_who_has_its_turn_behind_one_that_leaves_claims_open_has_another_process(
+    system: System,
+) -> None:
+    """Of what is still open others look for violations meanwhile."""
+    ledger = ledger_of(system)
+    turns = [at_it((10, ["Few"])), at_it((10, EVERYTHING))]
+    runners = [replace(runner(work), number=n) for n, work in enumerate(turns)]
+    with Pool(2) as pool:
+        begun = Ahead.begun_here(runners, ledger, pool)
+        assert not begun.job.is_done
+        assert [x.claim.name for x in begun.job.noted if isinstance(x, Verdict)] == ["Few"]
+        found = pool.answer(begun.job)
+        assert found is not None
+        ledger.take(found)
+    assert [noted.steps for noted in begun.job.noted if isinstance(noted, race.Worked)][-1] == 20
+    here, there = (failure.who for failure in ledger.failures)
+    assert here == str(os.getpid()) != there
+
+
 def test_work_is_told_of_now_and_then_wherever_it_goes_on(system: System) -> None:
     """Who waits with patience knows how much of it there was before there is an answer."""
 
@@ -865,7 +884,7 @@ def test_mistakes_of_those_who_were_begun_here_are_told_where_they_are_heard(
         raise LookupError("wrong")
 
     with Pool(2) as pool:
-        job = pool.begin_here("", wrong, is_long=race._is_long)
+        job = pool.begin_here("", wrong, is_long=race._Glance().is_over)
         with pytest.raises(LookupError, match="wrong"):
             pool.answer(job)
         assert forked_children() == set()
