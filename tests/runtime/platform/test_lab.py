@@ -4,26 +4,29 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 import koord
 from tests.runtime.platform.labs import lab as lab
+from tests.testing.alone import failing_alone
 
 
 @pytest.mark.slow
 def test_the_labs_driver_passes_the_kit(lab: Path) -> None:
     peer = f"{sys.executable} -m mylab.firmware --port {{free}} --start 1 0.5 0.3"
-    told = koord.conform(
+    conform = partial(
+        koord.conform,
         "mylab_car",
         options={"port": "{free}"},
         peer=peer,
         at_m=(1.0, 0.5, 0.0),
         heading_rad=0.3,
-        jobs=2,
     )
-    assert told.failed == ()
+    told = conform(jobs=2)
+    assert failing_alone(told, lambda only: conform(only=only)) == ()
     assert {one.check for one in told.findings if one.verdict.value == "skipped"} == {
         "battery",
         "lands",
