@@ -20,7 +20,7 @@ from koord.verify.engines.bmc.engine import BmcEngine
 from koord.verify.engines.engine import Task
 from koord.verify.ledger import Ledger, Reach, VerificationProblem
 from koord.verify.processes import Pool, can_fork
-from koord.verify.strategy import each_claim_turn
+from koord.verify.strategy import each_claim_turn, race, verification
 from koord.verify.strategy.each_claim_turn import EachClaimTurn
 from koord.verify.strategy.table import AnyTurn
 from koord.verify.strategy.verification import verify
@@ -114,7 +114,7 @@ def test_where_nothing_can_be_forked_all_is_done_in_turn(
     system: System, choice: Engine | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     forked = asked(system, choice, 2, violations=2)
-    for module in (processes, each_claim, each_claim_turn):
+    for module in (processes, each_claim, each_claim_turn, race, verification):
         monkeypatch.setattr(module, "can_fork", lambda: False)
     monkeypatch.setattr("os.fork", lambda: pytest.fail("it forks"))
     in_turn = asked(system, choice, 2, violations=2)
