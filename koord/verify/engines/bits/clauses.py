@@ -101,17 +101,11 @@ class Clauses:
 
         Raises NoAnswerError where the deadline passes first, or too many questions were hard.
         """
-        answer = self.solve_in_time(assumptions, self.deadline)
-        if answer is SolverAnswer.UNKNOWN:
-            raise NoAnswerError
-        return answer is SolverAnswer.SAT
+        return _is_satisfiable(self.solve_in_time(assumptions, self.deadline))
 
     def can_hold(self, literal: int, assumptions: Sequence[int] = ()) -> bool:
         """Return whether a literal of the graph can hold, as ``solve`` does; in parts if hard."""
-        answer = self.can_hold_in_time(literal, self.deadline, assumptions)
-        if answer is SolverAnswer.UNKNOWN:
-            raise NoAnswerError
-        return answer is SolverAnswer.SAT
+        return _is_satisfiable(self.can_hold_in_time(literal, self.deadline, assumptions))
 
     def can_hold_in_time(
         self, literal: int, deadline: Deadline, assumptions: Sequence[int] = ()
@@ -296,3 +290,10 @@ def _turned(sides: int) -> int:
 def now() -> float:
     """The time in seconds, for durations."""
     return time.monotonic()
+
+
+def _is_satisfiable(answer: SolverAnswer) -> bool:
+    """Return whether it is. Raises NoAnswerError where that is not known."""
+    if answer is SolverAnswer.UNKNOWN:
+        raise NoAnswerError
+    return answer is SolverAnswer.SAT
