@@ -88,6 +88,10 @@ class Circuit(Struct, frozen=True):
     strays: tuple[str, ...]  #: variables some values of which are not followed
     ranges: tuple[Number, ...] = ()  #: the numbers of the state: all that is reached is in range
 
+    def kept_by_states(self, claims: Iterable[Claim]) -> list[int]:
+        """When a state keeps claims, each, of those of which it says so."""
+        return [self.held[claim] for claim in claims if claim in self.held]
+
 
 def circuit_of(system: System, claims: Sequence[Claim], level: int = 0) -> Circuit:
     """Build the circuit of a system; the level says how far numbers and lists are tracked.

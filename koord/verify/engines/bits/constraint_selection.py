@@ -99,7 +99,7 @@ def narrowed(
     about = {x: _inputs(g, [x]) for x in dict.fromkeys([*needed[ClaimPhase.END], *sound])}
     pending = sorted(x for x in about if about[x] and x not in ranges.parts)
     kept: set[int] = set()
-    kept_claims = [circuit.held[c] for c in claims if c in circuit.held and not between]
+    kept_claims = [] if between else circuit.kept_by_states(claims)
     roots = [circuit.lost, *given, *kept_claims, *(when for _, when in broken)]
     inputs: set[int] = set()
     while roots:

@@ -240,12 +240,12 @@ class _Run:
         """Settle the largest set of claims that is inductive."""
         circuit = self.circuit
         clauses = self._clauses()
-        given = [circuit.held[c] for c in self.ledger.proved() if c in circuit.held]
+        given = circuit.kept_by_states(self.ledger.proved())
         for literal in given:
             clauses.require(literal)
         claims = self.open()
         while claims:
-            held = [clauses.of(circuit.held[c], TRUE_SIDE) for c in claims if c in circuit.held]
+            held = [clauses.of(x, TRUE_SIDE) for x in circuit.kept_by_states(claims)]
             failed = []
             for claim in claims:
                 bad = circuit.d.graph.any_of([x for _, x in circuit.bad[claim]])
@@ -258,7 +258,7 @@ class _Run:
         clauses.close()
         if not claims:
             return
-        kept = tuple(circuit.held[c] for c in claims if c in circuit.held)
+        kept = tuple(circuit.kept_by_states(claims))
         question = replace(everything(circuit, claims, given), kept=kept)
         said = lemmas(self.ledger, circuit, question, (), claims)
         if said.is_checked or self._is_checked(question, ()):
@@ -294,7 +294,7 @@ class _Run:
         circuit = self.circuit
         narrow = exchange = True
         while claims := self.open():
-            given = [circuit.held[c] for c in self.ledger.proved() if c in circuit.held]
+            given = circuit.kept_by_states(self.ledger.proved())
             question = (
                 narrowed(circuit, claims, given, between=self.engine is Engine.ABC)
                 if narrow

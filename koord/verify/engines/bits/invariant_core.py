@@ -56,11 +56,11 @@ def needed(
     core = _Core(circuit, table, orbits, [*claims, *given], deadline)
     kept = core.of(claims)
     chosen = [orbits[k] for k in sorted(kept)]
-    held = [circuit.held[claim] for claim in given if claim in circuit.held]
+    held = circuit.kept_by_states(given)
     # Ranges are what a circuit is made with; to ask of them again costs little.
     question = replace(everything(circuit, claims, held), latches=circuit.latches)
     statements = [table.left_out(orbit) for orbit in chosen]
-    statements += [circuit.held[claim] for claim in claims if claim in circuit.held]
+    statements += circuit.kept_by_states(claims)
     if not keeps(circuit.d.graph, question, [*statements, *facts(table)], deadline):
         raise UnsaidError("robots are not alike in it")
     return Needed(tuple(chosen), tuple(core.ranged([circuit.d.graph.all_of(statements)])))
