@@ -96,8 +96,7 @@ class Ahead(Struct, frozen=True):
         if found is None:
             return False
         if not found.interrupted:
-            probe = ledger.of(ledger.open(), _unheard)
-            probe.take(found)
+            probe = _with_answer(ledger, found)
             if wanted(probe):
                 return False
         _take_all(ledger, found)
@@ -351,7 +350,7 @@ class _Beside(Struct):
     def look(self) -> None:
         """See who is done. Behind one who has all answers nobody is asked, before that some are."""
         while len(self.said) <= len(self.jobs) and self.jobs[len(self.said) - 1].is_done:
-            said = self._and_by(self.said[-1], self.jobs[len(self.said) - 1])
+            said = _with_answer(self.said[-1], self.jobs[len(self.said) - 1].found)
             self.said.append(said)
             if not self.wanted(said):
                 self._end_behind(len(self.said) - 1)
@@ -359,16 +358,9 @@ class _Beside(Struct):
         for place, job in enumerate(self.jobs[: self.ends]):
             if job.is_done and place not in self.seen:
                 self.seen.add(place)
-                if not self.wanted(self._and_by(self.said[0], job)):
+                if not self.wanted(_with_answer(self.said[0], job.found)):
                     self._end_behind(place + 1)
                     return
-
-    def _and_by(self, before: Ledger, job: Job[Extract]) -> Ledger:
-        """What is said with the answer of a job."""
-        said = before.of(before.open(), _unheard)
-        if job.found is not None:
-            said.take(job.found)
-        return said
 
     def _end_behind(self, place: int) -> None:
         for behind in self.jobs[place : self.ends]:
@@ -502,6 +494,14 @@ def _at_a_glance(job: Job[Extract]) -> int:
             case _:
                 pass
     return 0
+
+
+def _with_answer(known: Ledger, found: Extract | None) -> Ledger:
+    """A ledger of what is known, and of what a process has answered, if it did."""
+    own = known.of(known.open(), _unheard)
+    if found is not None:
+        own.take(found)
+    return own
 
 
 def _with_notes(
