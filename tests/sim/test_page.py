@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -456,6 +457,31 @@ def test_a_page_of_a_whole_task_run(tab: Tab, tmp_path: Path, recording: RunLog)
                     known = int(change.value)  # type: ignore[arg-type]
         assert tab.ask(f"page.run.own[{k % 3}][{position}].at({number})") == known
     assert tab.complaints == []
+
+
+@in_a_browser
+def test_labels_of_near_tasks_cover_nothing(tab: Tab, tmp_path: Path) -> None:
+    """A task has one to its right, or else to its left, or a shorter one, or none."""
+    near = ((2.0, 3, 1.5), (2.5, 3, 0), (5, 3, 0), (5.0, 4, 0), (5.3, 4, 1), (5.1, 4, 0))
+    recorder = RunLogger(header(3, world=replace(WORLD, tasks=near)))
+    recorder.sample(0.0, np.ones((3, 3)), np.zeros(3), 1.0)
+    recorder.end("time is up")
+    path = tmp_path / "run.html"
+    path.write_bytes(page_of(recorder.recording))
+    tab.open(path.as_uri())
+    tab.ask("page.map.scale = 60, page.map.shown.side = true")
+    found = tab.ask(
+        "page.map.ground.labels(byId('map').getContext('2d'), page.run.tasksAt(0), 6)"
+        ".map(({text, x, y, width}) => [text, x, y, width])"
+    )
+    places = tab.ask(
+        "page.run.header.world.tasks.map(([x, y]) => ['', page.map.x(x) - 6, page.map.y(y), 12])"
+    )
+    assert [text for text, *_ in found][:3] == ["t0 ↑1.5", "t1", "t2"]
+    for (_, x, y, width), (_, other, level, wide) in combinations([*places, *found], 2):
+        if width == wide == 12 and y == level:
+            continue  # two places may be near each other
+        assert abs(y - level) > 12 or x >= other + wide or other >= x + width
 
 
 @in_a_browser

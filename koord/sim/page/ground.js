@@ -58,24 +58,36 @@ class Ground {
     pen.lineWidth = 1.5;
     pen.strokeRect(x0, y0, w, h);
     for (const obstacle of obstacles) this.paintObstacle(pen, obstacle, Boolean(cells));
-    const size = Math.min(Math.max(this.view.scale * 0.11, 5), 11), taken = [];
+    const size = Math.min(Math.max(this.view.scale * 0.11, 5), 11);
+    places.forEach(([x, y], k) => drawTask(pen, this.view.x(x), this.view.y(y), size, tasks[k].state));
+    if (this.view.shown.labels && this.view.scale > 26 && places.length <= 200) this.paintLabels(pen, tasks, size);
+    pen.restore();
+  }
+
+  paintLabels(pen, tasks, size) {
     pen.font = "11px system-ui, sans-serif";
-    places.forEach((place, k) => {
-      const x = this.view.x(place[0]), y = this.view.y(place[1]);
-      drawTask(pen, x, y, size, tasks[k].state);
-      if (this.view.shown.labels && this.view.scale > 26 && places.length <= 200) {
-        pen.fillStyle = theme("--soft");
-        pen.textAlign = "left";
-        const height = this.view.shown.side && place[2] > 0.05 && tasks[k].state === OPEN ? ` ↑${place[2].toFixed(1)}` : "";
-        const by = tasks[k].state === ASSIGNED ? ` → ${tasks[k].robot}` : "";
-        const text = `t${k}${by}${height}`, width = pen.measureText(text).width;
-        if (isFree(taken, x + size + 3, y, width)) {
-          taken.push([x + size + 3, y, width]);
-          pen.fillText(text, x + size + 3, y + 4);
-        }
+    pen.textAlign = "left";
+    pen.fillStyle = theme("--soft");
+    for (const { text, x, y } of this.labels(pen, tasks, size)) pen.fillText(text, x, y + 4);
+  }
+
+  /** What tasks are called, beside them where there is room: to the right, or else to the left. */
+  labels(pen, tasks, size) {
+    const places = this.run.header.world.tasks.map(([x, y, z]) => [this.view.x(x), this.view.y(y), z]);
+    const taken = places.map(([x, y]) => [x - size, y, 2 * size]), found = [];
+    places.forEach(([task, y, up], k) => {
+      const { state, robot } = tasks[k], name = state === ASSIGNED ? `t${k} → ${robot}` : `t${k}`;
+      const isHigh = this.view.shown.side && up > 0.05 && state === OPEN;
+      for (const text of isHigh ? [`${name} ↑${up.toFixed(1)}`, name] : [name]) {
+        const width = pen.measureText(text).width;
+        const x = [task + size + 3, task - size - 3 - width].find((left) => isFree(taken, left, y, width));
+        if (x === undefined) continue;
+        taken.push([x, y, width]);
+        found.push({ text, x, y, width });
+        break;
       }
     });
-    pen.restore();
+    return found;
   }
 
   /** How many metres lie between two lines of the grid. */
