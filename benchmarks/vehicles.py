@@ -31,6 +31,12 @@ KINDS: tuple[tuple[str, str, str, str, float | None], ...] = (
     ("ideal point", "POINT", "full", "", 20.0),
 )
 
+#: So much simulated time goes before what is told of.
+BEGINNING_S = 0.5
+
+#: Bodies that MuJoCo moves, and how many: it takes some hundred times as long.
+PHYSICAL, FEW = (("car, MPC", "CAR"), ("differential drive", "DIFF"), ("drone", "DRONE")), (16, 100)
+
 #: The whole of 120 s of 16 drones may take 3 s, rounds and recording included.
 DRONES_S = 2.0
 
@@ -83,14 +89,32 @@ def advanced(body: str, level: str, steering: str, count: int, seconds: float) -
     for robot, (x, y, z) in enumerate(places):
         shape = circle if on_ground else square
         fleet.follow(robot, [(x + a, y + b, z + c) for a, b, c in shape] * laps)
-    fleet.advance_to(0.5)
+    fleet.advance_to(BEGINNING_S)
     ready = time.process_time()
-    fleet.advance_to(0.5 + seconds)
+    fleet.advance_to(BEGINNING_S + seconds)
     return {
         "setup_s": ready - begun,
         "cpu_s": time.process_time() - ready,
         "moving": all(sensed.state is MotionState.MOVING for sensed in fleet.sensed()),
     }
+
+
+def physical(body: str, count: int, seconds: float) -> dict[str, Any]:
+    """What `advanced` tells of a fleet that MuJoCo moves, and the part that are its own steps."""
+    import mujoco
+
+    steps, stepped_s = mujoco.mj_step, 0.0
+
+    def timed(*arguments: Any) -> None:
+        nonlocal stepped_s
+        begun = time.process_time()
+        steps(*arguments)
+        if arguments[1].time > BEGINNING_S:
+            stepped_s += time.process_time() - begun
+
+    mujoco.mj_step = timed
+    found = advanced(body, "mujoco", "", count, seconds)
+    return found | {"share": stepped_s / found["cpu_s"]}
 
 
 def planned(name: str, count: int) -> dict[str, Any]:
@@ -172,6 +196,31 @@ def vehicles(report: Report) -> None:
             table.rows.append(row)
 
 
+def physics(report: Report) -> None:
+    """One row for each kind of robot and number of robots that MuJoCo moves."""
+    table = report.table(
+        "A second of simulated time at level mujoco",
+        Column("kind", "robots of kind"),
+        Column("count", "robots", 0),
+        Column("times_real", "x real time", 1),
+        Column("share", "of the CPU time MuJoCo's own steps, %", 0),
+    )
+    for kind, body in PHYSICAL:
+        for count in FEW[:1] if report.quick else FEW:
+            note(f"{count} robots in MuJoCo: {kind}")
+            seconds = 1.0 if report.quick else 320.0 / count
+            found = in_child(physical, body, count, seconds, timeout_s=300.0)
+            report.expect(found["moving"], f"{count} × {kind}: somebody came to rest")
+            table.rows.append(
+                {
+                    "kind": kind,
+                    "count": count,
+                    "times_real": round(seconds / found["cpu_s"], 1),
+                    "share": round(100 * found["share"]),
+                }
+            )
+
+
 def planners(report: Report) -> None:
     """One row for each planner."""
     table = report.table(
@@ -198,8 +247,9 @@ def _rounded(found: dict[str, Any]) -> dict[str, Cell]:
 
 
 def benchmark(report: Report) -> None:
-    """Vehicles, then planners."""
+    """Vehicles of all levels, then planners."""
     vehicles(report)
+    physics(report)
     planners(report)
 
 

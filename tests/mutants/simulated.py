@@ -20,6 +20,7 @@ PLANNERS = "tests/sim/test_planning_workers.py"
 CONTACT = "tests/sim/test_compiled_contact.py"
 ROOM = "tests/sim/test_room.py"
 FLEET = "tests/sim/test_fleet.py"
+PHYSICS = "tests/sim/test_physics.py"
 TRACKED = "tests/sim/test_compiled_tracking.py"
 PLANNING_TIME = "tests/sim/test_planning_time.py"
 LOADERS = "tests/runtime/test_yaml_loaders.py"
@@ -682,5 +683,26 @@ SIMULATED = (
         "self.body.ON_GROUND",
         "True",
         ("tests/sim/test_published_cars.py",),
+    ),
+    Mutant(
+        "rotors pull upwards, wherever a drone points",
+        "sim.vehicles.drones.PhysicalDrones.push",
+        "pull * (x * z + w * y)",
+        "0.0 * pull",
+        (PHYSICS,),
+    ),
+    Mutant(
+        "rotors pull as much as they are asked to",
+        "sim.vehicles.drones.PhysicalDrones.act",
+        "np.minimum(np.maximum(asked, 0.0), _most_thrust_n(self.drone))",
+        "np.maximum(asked, 0.0)",
+        (PHYSICS,),
+    ),
+    Mutant(
+        "rotors do not lag",
+        "sim.vehicles.drones.PhysicalDrones.settle",
+        "1.0 - math.exp(-model.opt.timestep / self.drone.rotor_lag_s)",
+        "1.0",
+        (PHYSICS,),
     ),
 )

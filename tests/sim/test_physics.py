@@ -62,8 +62,7 @@ def test_the_model_is_made_of_what_devices_say() -> None:
     assert front.pos[0] - rear.pos[0] == pytest.approx(0.4)
     assert model.body("drone0").mass[0] == pytest.approx(1.5)
     assert model.body("drone0").inertia == pytest.approx(drone.inertia_kgm2)
-    most = model.actuator_ctrlrange[3:, 1].sum()
-    assert most == pytest.approx(drone.thrust_ratio * 1.5 * 9.81)
+    assert len(model.actuator_ctrlrange) == 3  # an engine and two servos: rotors have none
 
 
 def test_a_car_drives_as_a_bicycle_does_and_keeps_its_limits() -> None:
@@ -133,6 +132,39 @@ def test_a_drone_flies_as_that_of_the_level_full(wind: tuple[float, float, float
         tilt = max(tilt, math.acos(1 - 2 * (x * x + y * y)))
     assert 0.05 < tilt < DRONE.tilt_rad * 1.2
     assert abs(one.state.position[2, 0] - 1.0) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("thrust", "roll", "rotors"),
+    [(99.0, 0.0, (1, 1, 1, 1)), (0.0, 99.0, (0, 0, 1, 1)), (-1.0, 0.0, (0, 0, 0, 0))],
+)
+def test_no_rotor_pulls_down_or_more_than_it_can(
+    monkeypatch: pytest.MonkeyPatch, thrust: float, roll: float, rotors: tuple[int, ...]
+) -> None:
+    """And what rotors pull comes with their lag."""
+    drone = PhysicalDrones(DRONE, np.array([[0.0, 0, 1.0]]), Arena(WIDE))
+    wanted = np.array([thrust]), np.array([[roll], [0], [0]]), np.zeros((3, 1))
+    monkeypatch.setattr(drone, "control", lambda *_: wanted)
+    drone.advance(Reference(np.array([[0, 0, 1.0]]), CALM, CALM), CALM, 0.01, 1)
+    most = DRONE.thrust_ratio * DRONE.mass_kg * 9.81 / 4
+    asked = drone._unmixer @ (most * np.array([rotors], dtype=np.float64).T)
+    hovering = np.array([[DRONE.mass_kg * 9.81], [0], [0], [0]])
+    left = math.exp(-0.01 / DRONE.rotor_lag_s)
+    assert drone._lift == pytest.approx(asked + (hovering - asked) * left)
+
+
+def test_forces_of_rotors_point_along_the_axis_of_each_drone() -> None:
+    both = PhysicalDrones(DRONE, np.array([[0.0, 0, 1], [3, 0, 1]]), Arena(WIDE))
+    model, data = both._arena._running()
+    for k, (w, x, y, z) in enumerate([(0.8, 0.6, 0, 0), (0.5, -0.5, 0.5, 0.5)]):
+        data.qpos[7 * k + 3 : 7 * k + 7] = w, x, y, z
+    both._drag = np.zeros((3, 2))
+    lift = both._lift.copy()
+    both.push(data)
+    mujoco.mj_kinematics(model, data)
+    for k, name in enumerate(both.names):
+        axis = data.body(name).xmat.reshape(3, 3)[:, 2]
+        assert data.qfrc_applied[6 * k : 6 * k + 3] == pytest.approx(lift[0, k] * axis)
 
 
 def test_a_drone_that_is_told_to_land_stands_on_the_ground() -> None:

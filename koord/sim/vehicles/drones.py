@@ -130,6 +130,7 @@ class PhysicalDrones(Quadrotors):
         self._mixer = np.column_stack(
             [np.ones(4), sense[:, 1] / arm, -sense[:, 0] / arm, sense[:, 2] / twist]
         ) / len(sense)
+        self._unmixer: Floats = np.linalg.inv(self._mixer).astype(np.float64)
         self._goal: tuple[Floats, Floats, Floats, Floats] | None = None
 
     def advance(self, reference: Reference, wind: Floats, dt_s: float, steps: int) -> None:
@@ -148,12 +149,15 @@ class PhysicalDrones(Quadrotors):
             yield drone_described(name, self.drone, (x, y, z + HEIGHT_M / 2))
 
     def settle(self, model: Any, data: Any) -> None:
-        self._bodies = np.array([model.body(name).id for name in self.names])
         self._qpos, self._qvel = mjcf.coordinates(model, self.names)
-        self._rotors = np.array(
-            [[model.actuator(f"{name} rotor {k}").id for k in range(4)] for name in self.names]
-        )
-        data.act[model.actuator_actadr[self._rotors]] = self.drone.mass_kg * GRAVITY / 4
+        # Their bodies follow each other in the model, so this is a part of MuJoCo's own arrays.
+        n, first, at = len(self.names), self._qvel[0], self._qpos[0]
+        self._forces = data.qfrc_applied[first : first + 6 * n].reshape(n, 6).T
+        self._attitude = data.qpos[at : at + 7 * n].reshape(n, 7)[:, 3:].T
+        self._share = 1.0 - math.exp(-model.opt.timestep / self.drone.rotor_lag_s)
+        self._lift: Floats = np.zeros((4, n))
+        self._lift[0] = self.drone.mass_kg * GRAVITY
+        self._asked: Floats = self._lift.copy()
 
     def act(self, data: Any, dt_s: float) -> None:
         assert self._goal is not None
@@ -161,10 +165,23 @@ class PhysicalDrones(Quadrotors):
         goal = goal + pace * dt_s
         self._goal = goal, pace, gain, wind
         thrust, tau, _ = self.control(goal, pace, gain, dt_s)
-        asked = np.vstack([self.drone.mass_kg * thrust, tau])
-        data.ctrl[self._rotors] = (self._mixer @ asked).T
-        drag = self.drone.drag_kgps * (wind - self.state.velocity.T)
-        data.xfrc_applied[self._bodies, :3] = drag
+        asked = self._mixer @ np.vstack([self.drone.mass_kg * thrust, tau])
+        # A rotor pulls neither down nor more than it can. All lag alike, so their sums do, too.
+        able = np.minimum(np.maximum(asked, 0.0), _most_thrust_n(self.drone))
+        self._asked = self._unmixer @ able
+        self._drag = self.drone.drag_kgps * (wind.T - self.state.velocity)
+
+    def push(self, data: Any) -> None:
+        """Pull along the axis of each drone, as it points now; torques are in its own frame."""
+        w, x, y, z = self._attitude
+        lift, forces = self._lift, self._forces
+        pull = 2.0 * lift[0]
+        forces[0] = pull * (x * z + w * y)
+        forces[1] = pull * (y * z - w * x)
+        forces[2] = pull * (0.5 - x * x - y * y)
+        forces[:3] += self._drag
+        forces[3:] = lift[1:]
+        lift += (self._asked - lift) * self._share
 
     def look(self, data: Any) -> None:
         q = data.qpos[self._qpos[:, None] + np.arange(7)].T
@@ -187,7 +204,7 @@ def _rotor_twist_m(drone: Drone) -> float:
 
 def drone_described(name: str, drone: Drone, at: Point) -> mjcf.Described:
     """The MJCF of a quadrotor, whose frame is in its middle."""
-    half, arm = drone.radius_m / math.sqrt(2), _rotor_arm_m(drone)
+    half = drone.radius_m / math.sqrt(2)
     box = mjcf.numbers(half, half, HEIGHT_M / 2)
     body = [
         f'<body name="{name}" pos="{mjcf.numbers(*at)}"><freejoint/>',
@@ -195,15 +212,9 @@ def drone_described(name: str, drone: Drone, at: Point) -> mjcf.Described:
         f'diaginertia="{mjcf.numbers(*drone.inertia_kgm2)}"/>',
         f'<geom type="box" size="{box}" friction="{mjcf.BODY_GRIP}" {mjcf.SOLID}/>',
     ]
-    most = drone.thrust_ratio * drone.mass_kg * GRAVITY / len(_ROTORS)
-    rotors = []
-    for k, (ahead, aside, sense) in enumerate(_ROTORS):
-        place = mjcf.numbers(ahead * arm, aside * arm, 0)
-        gear = mjcf.numbers(0, 0, 1, 0, 0, sense * _rotor_twist_m(drone))
-        body.append(f'<site name="{name} rotor {k}" pos="{place}"/>')
-        rotors.append(
-            f'<general name="{name} rotor {k}" site="{name} rotor {k}" gear="{gear}" '
-            f'ctrlrange="0 {most!r}" dyntype="filterexact" dynprm="{drone.rotor_lag_s!r}" '
-            'gainprm="1"/>'
-        )
-    return mjcf.Described([*body, "</body>"], [], rotors)
+    return mjcf.Described([*body, "</body>"], [], [])
+
+
+def _most_thrust_n(drone: Drone) -> float:
+    """What one rotor pulls at most, in newtons."""
+    return drone.thrust_ratio * drone.mass_kg * GRAVITY / len(_ROTORS)

@@ -61,11 +61,15 @@ class Physical(Protocol):
         ...
 
     def act(self, data: Any, dt_s: float) -> None:
-        """Set the motors and rotors for the next step."""
+        """Set the motors and rotors for the next step of control."""
+        ...
+
+    def push(self, data: Any) -> None:
+        """Set forces that turn with a vehicle for MuJoCo's next step of its own."""
         ...
 
     def look(self, data: Any) -> None:
-        """Read the states of the vehicles."""
+        """Read the states of the vehicles, as far as anybody needs them before the next steps."""
         ...
 
 
@@ -95,11 +99,18 @@ class Arena:
         self._told.clear()
         model, data = self._running()
         within = round(dt_s / SUBSTEP_S)
+        flying = [one for one in self._parts if one.flies]
         for _ in range(steps):
             for one in self._parts:
                 one.act(data, dt_s)
-            mujoco.mj_step(model, data, within)
-            for one in self._parts:
+            for _ in range(within if flying else 1):
+                for one in flying:
+                    one.push(data)
+                mujoco.mj_step(model, data, 1 if flying else within)
+            for one in flying:
+                one.look(data)
+        for one in self._parts:
+            if not one.flies:
                 one.look(data)
 
     def touched(self, name: str) -> tuple[Touched, ...]:
@@ -175,6 +186,9 @@ class PhysicalWheels:
     def act(self, data: Any, dt_s: float) -> None:
         self._told.actuate(self._command, dt_s)
         data.ctrl[self._motors] = self._told.controls()
+
+    def push(self, data: Any) -> None:
+        pass
 
     def look(self, data: Any) -> None:
         q = data.qpos[self._qpos[:, None] + np.arange(7)]
