@@ -1,6 +1,6 @@
 """``python -m koord`` is the command ``koord``."""
 
-from koord.cli.main import entry
+from koord.cli.start import entry
 
 if __name__ == "__main__":
     entry()

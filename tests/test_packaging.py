@@ -65,7 +65,7 @@ def test_the_wheel_says_what_it_has(wheel: zipfile.ZipFile) -> None:
     (name,) = (name for name in wheel.namelist() if name.endswith("/entry_points.txt"))
     found = ConfigParser()
     found.read_string(wheel.read(name).decode())
-    assert dict(found["console_scripts"]) == {"koord": "koord.cli.main:entry"}
+    assert dict(found["console_scripts"]) == {"koord": "koord.cli.start:entry"}
     assert dict(found["pytest11"]) == {"koord": "koord.plugins.pytest_plugin"}
     metadata = wheel.read(name.replace("entry_points.txt", "METADATA")).decode()
     assert f"\nVersion: {koord.__version__}\n" in metadata

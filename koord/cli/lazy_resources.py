@@ -2,18 +2,18 @@
 
 Z3 asks ``importlib.resources`` for the folder of its own package, and so loads readers of archives,
 temporary files and addresses: that takes as long as Z3's own interface. msgspec brings what makes
-schemas along, and by way of UUIDs what finds out about this machine. argparse looks for
-translations of its words, of which there are none.
+schemas along, by way of UUIDs what finds out about this machine, and all that Python would do about
+dates if it were not done in C. So does what writes objects down for other processes. argparse looks
+for translations of its words, of which there are none.
 """
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import os
 import sys
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from importlib import import_module
 from os.path import join
 from types import ModuleType
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from koord.syntax.lazy_modules import LazyModule
 
 _NAME, _Z3 = "importlib.resources", "z3"
+
+#: What writes objects down: in C, and once more in Python, for who wants to look into it.
+_PICKLE = "pickle"
 
 
 class Folder(str):
@@ -39,11 +42,21 @@ class _Resources(ModuleType):
         return getattr(_loaded(), name)
 
 
+def load_argparse() -> None:
+    """Load argparse without what looks for translations."""
+    words = ModuleType("gettext")
+    vars(words).update(gettext=_as_it_is, ngettext=_one_or_many)
+    with _standing_in({"gettext": words}):
+        import argparse
+    vars(argparse)["_"] = _as_it_is
+
+
 def load_msgspec() -> None:
     """Load msgspec without what it needs for files, and with little of what it asks for.
 
     For msgspec ``typing_extensions`` is another name of ``typing``, which loads the readers of
     Python's own text. UUIDs are told by what Python was built for, so that nothing else is asked.
+    Dates are those of Python's C library, as everywhere.
     """
     if "msgspec" in sys.modules:
         return
@@ -60,10 +73,30 @@ def load_msgspec() -> None:
         machine = ModuleType("platform")
         vars(machine).update(system=lambda: os.uname().sysname)
         passing["platform"] = machine
-    mine = {name: stub for name, stub in passing.items() if name not in sys.modules}
+    with suppress(ImportError):
+        passing["datetime"] = _written_in_c("datetime")
+    with _standing_in(passing):
+        import msgspec  # noqa: F401
+
+
+def _written_in_c(name: str) -> ModuleType:
+    """A module with what Python's C library has of one. Raises ImportError if that is nothing."""
+    module = ModuleType(name)
+    own = vars(import_module(f"_{name}"))
+    vars(module).update({key: value for key, value in own.items() if not key.startswith("__")})
+    return module
+
+
+@contextmanager
+def _standing_in(modules: dict[str, ModuleType | None]) -> Iterator[None]:
+    """Within the context these stand in for modules of their names that nobody has loaded.
+
+    None: there is no such module.
+    """
+    mine = {name: module for name, module in modules.items() if name not in sys.modules}
     sys.modules.update(cast(Any, mine))
     try:
-        import msgspec  # noqa: F401
+        yield
     finally:
         for name in mine:
             del sys.modules[name]
@@ -89,9 +122,20 @@ def _as_it_is(text: str) -> str:
     return text
 
 
+def _one_or_many(one: str, many: str, count: int) -> str:
+    return one if count == 1 else many
+
+
 def put_off() -> None:
     """Load all of this only if somebody needs it from now on."""
-    vars(argparse)["_"] = _as_it_is
+    load_argparse()
+    if _PICKLE not in sys.modules:
+        from koord.syntax.lazy_modules import LazyModule
+
+        with suppress(ImportError):
+            quick = LazyModule(_PICKLE)
+            vars(quick).update(vars(_written_in_c(_PICKLE)))
+            sys.modules[_PICKLE] = quick
     if _NAME not in sys.modules:
         resources = _Resources(_NAME)
         folder = join(importlib.__path__[0], "resources")

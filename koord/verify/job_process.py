@@ -59,7 +59,7 @@ _PR_SET_PDEATHSIG = 1
 
 #: When the garbage collector looks for what nobody needs. A proof makes ten thousands of objects in
 #: some tenths of a second, of which it finds next to nothing; before contexts are made it is asked.
-_COLLECTED = (20_000, 20, 20)
+_COLLECTED = (50_000, 20, 20)
 
 #: From this size on memory is asked for by itself, in bytes.
 _LARGEST = 32 * 2**20
@@ -73,6 +73,9 @@ _IN_HUGE_PAGES = 4 * _LARGEST
 
 #: `madvise` of Linux, and the size of a huge page there, in bytes.
 _MADV_HUGEPAGE, _HUGE_PAGE = 14, 2 * 2**20
+
+#: `mallopt` of glibc: how much more memory is asked for at a time, and what is usual, in bytes.
+_M_TOP_PAD, _USUAL_TOP_PAD = -2, 128 * 2**10
 
 
 def was_interrupted() -> bool:
@@ -326,14 +329,16 @@ def _take_huge_pages(c_library: CDLL) -> None:
     c_library.malloc.restype, c_library.malloc.argtypes = ctypes.c_void_p, [ctypes.c_size_t]
     c_library.free.restype, c_library.free.argtypes = None, [ctypes.c_void_p]
     c_library.madvise.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
-    size = _LARGEST - 2**20  # below the size that would be memory by itself
-    blocks = [c_library.malloc(size) for _ in range(_IN_HUGE_PAGES // _LARGEST)]
-    for block in filter(None, blocks):
+    c_library.sbrk.restype, c_library.sbrk.argtypes = ctypes.c_void_p, [ctypes.c_ssize_t]
+    # Asked for at once: where a page has been written to there is no huge one any more.
+    c_library.mallopt(_M_TOP_PAD, _IN_HUGE_PAGES)
+    block = c_library.malloc(_HUGE_PAGE)
+    end = c_library.sbrk(0)
+    c_library.mallopt(_M_TOP_PAD, _USUAL_TOP_PAD)
+    if block is not None and block < end < block + 2 * _IN_HUGE_PAGES:
         first = -(-block // _HUGE_PAGE) * _HUGE_PAGE
-        length = (block + size) // _HUGE_PAGE * _HUGE_PAGE - first
-        c_library.madvise(first, length, _MADV_HUGEPAGE)
-    for block in filter(None, blocks):
-        c_library.free(block)
+        c_library.madvise(first, end // _HUGE_PAGE * _HUGE_PAGE - first, _MADV_HUGEPAGE)
+    c_library.free(block)
 
 
 def _leave() -> None:

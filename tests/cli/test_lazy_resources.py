@@ -68,3 +68,29 @@ def test_msgspec_is_loaded_without_what_is_for_files() -> None:
         "print(platform.python_version() == '.'.join(map(str, sys.version_info[:3])))"
     )
     assert found == ["False", "False", "False", "1", "IntType", "integer", "string", "2", "True"]
+
+
+def test_argparse_is_loaded_without_translations() -> None:
+    found = said(
+        "print('gettext' in sys.modules)\n"
+        "import argparse, gettext\n"
+        "print(gettext.__spec__.name, argparse._('usage: '), argparse.ngettext('a', 'b', 2))\n"
+    )
+    assert found == ["False", "gettext", "usage:", "b"]
+
+
+def test_what_is_written_in_c_is_the_same_afterwards() -> None:
+    found = said(
+        "from koord.cli.lazy_resources import load_msgspec\n"
+        "load_msgspec()\n"
+        "import msgspec\n"
+        "print('datetime' in sys.modules, type(sys.modules['pickle']).__name__)\n"
+        "from datetime import date\n"
+        "print(msgspec.json.decode(b'\"2026-11-29\"', type=date) == date(2026, 11, 29))\n"
+        "import pickle\n"
+        "quick, text = pickle.Pickler, pickle.dumps([1])\n"
+        "print(pickle.HIGHEST_PROTOCOL > 4, type(sys.modules['pickle']).__name__)\n"
+        "import pickle\n"
+        "print(pickle.Pickler is quick, pickle.loads(text) == [1], pickle._dumps([1]) == text)\n"
+    )
+    assert found == ["False", "LazyModule", "True", "True", "module", "True", "True", "True"]

@@ -6,6 +6,7 @@ from tests.mutants.mutant import Mutant
 
 NEW = "tests/cli/test_new.py"
 DOCTOR = "tests/cli/test_doctor.py"
+MODULES = "tests/cli/test_module_files.py"
 SARIF = "tests/cli/test_sarif.py"
 PYTEST = "tests/plugins/test_pytest_plugin.py"
 NOTEBOOK = "tests/plugins/test_notebook.py"
@@ -73,5 +74,26 @@ TOOLS = (
         'f"{type(error).__name__}: {error}"',
         "None",
         (DOCTOR,),
+    ),
+    Mutant(
+        "modules are what they were compiled from once",
+        "cli.module_files._Loader._read",
+        "content[:8] != _BEGIN or known != here",
+        "content[:8] != _BEGIN",
+        (MODULES,),
+    ),
+    Mutant(
+        "modules are read whoever compiled them",
+        "cli.module_files._Loader._read",
+        "content[:8] != _BEGIN or known != here",
+        "known != here",
+        (MODULES,),
+    ),
+    Mutant(
+        "a package is looked for in its first folder only",
+        "cli.module_files.Finder.find_spec",
+        "len(path) != 1",
+        "not path",
+        (MODULES,),
     ),
 )

@@ -55,13 +55,14 @@ _OF_THEORIES = frozenset(
     for name in ("sin", "cos", "tan", "cot", "sec", "csc")
 ) | {"exp", "sqrt", "log", "pi", "pow"}
 
-_DECLARED = re.compile(r"\((?:declare-fun|declare-const|define-fun) ([^\s()|]+)")
-_TOKEN = re.compile(r'"[^"]*"|\|[^|]*\||[^\s()"|]+')
+#: Patterns that are compiled when they are first looked for: most solvers write no scripts.
+_DECLARED = r"\((?:declare-fun|declare-const|define-fun) ([^\s()|]+)"
+_TOKEN = r'"[^"]*"|\|[^|]*\||[^\s()"|]+'
 
 
 def portable(script: str) -> str:
     """The same script, in which functions that it declares have names of no solver's theories."""
-    taken = _OF_THEORIES.intersection(_DECLARED.findall(script))
+    taken = _OF_THEORIES.intersection(re.findall(_DECLARED, script))
     if not taken:
         return script
 
@@ -69,7 +70,7 @@ def portable(script: str) -> str:
         word = token.group()
         return f"|{word} of the program|" if word in taken else word
 
-    return _TOKEN.sub(renamed, script)
+    return re.sub(_TOKEN, renamed, script)
 
 
 class Layer(Struct, frozen=True):
@@ -98,7 +99,8 @@ class Solver:
     def _solver(self) -> z3.Solver:
         """Z3's solver, made for the first formula that is no constant."""
         solver = z3.Solver(ctx=self.d.context)
-        solver.set("random_seed", self.seed)
+        if self.seed:  # Z3's own is 0
+            solver.set("random_seed", self.seed)
         return solver
 
     @property
