@@ -18,7 +18,7 @@ V = TypeVar("V")
 
 class NotFiniteError(Exception):
     """Raised where a loop or quantifier has no bound that the domain knows.
-    The caller must answer *unknown*.
+
     The caller must answer *unknown*.
     """
 
