@@ -706,6 +706,13 @@ VERIFY = (
         ("tests/verify/vacuity/test_long_walks.py",),
     ),
     Mutant(
+        "two of three robots are asked about before all three",
+        "verify.vacuity.reachability._of_few",
+        "system.robots < _FEWER * len(movers)",
+        "len(movers) == system.robots",
+        ("tests/verify/vacuity/test_few_robots.py",),
+    ),
+    Mutant(
         "what is false at one index is false at all",
         "verify.engines.every_n.disjunctions.Samples._false",
         "(of, row[-1], *(row[place] for bit, place in PLACES.items() if of & bit))",

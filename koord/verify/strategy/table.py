@@ -165,6 +165,10 @@ _SHORT_CIRCUITS = Task(questions=6_000, frame_questions=2_000, evaluations=4_000
 #: The first rounds, where no search has looked at them.
 _SHORT_ROUNDS = Task(seconds=0.2, rounds=4, evaluations=6_000)
 
+#: What is left then. Rounds of many robots take long to write down, which no solver's limit counts.
+_MORE_ROUNDS = Task(seconds=0.5, rounds=8)
+_MORE_ROUNDS_OF_MANY = Task(seconds=0.5, rounds=8, evaluations=6_000)
+
 #: Bounded model checking, as far as it gets in so many seconds.
 _FIRST_ROUNDS = AskEngine(Engine.BMC, Task(seconds=3.0))
 
@@ -214,7 +218,8 @@ _ALL_ENGINES: Rows = (
             AskEngine(Engine.BMC, _SHORT_ROUNDS, endless=True),
             AskEngine(Engine.BITS, _SHORT_CIRCUITS, fleet=Fleet.FEW),
             AskEngine(Engine.SEARCH, _SHORT_SEARCH, fleet=Fleet.FEW),
-            AskEngine(Engine.BMC, Task(seconds=0.5, rounds=8)),
+            AskEngine(Engine.BMC, _MORE_ROUNDS, fleet=Fleet.FEW),
+            AskEngine(Engine.BMC, _MORE_ROUNDS_OF_MANY, fleet=Fleet.MANY),
         ),
         quick=True,
         patience=_RULE,

@@ -45,6 +45,10 @@ SMALL = 300
 _AT_FIRST_S = 0.1
 
 
+#: So many times as many robots as move there are where it is sooner asked what few of them can do.
+_FEWER = 2
+
+
 #: Runs of so many rounds are worth code for whole rounds, which takes some milliseconds to make.
 _LONG = 60
 
@@ -223,10 +227,11 @@ def _of_few(
 ) -> Unbroken:
     """Check runs in which most robots only skip, with half the effort.
 
-    Where robots are few there are no such runs, and nothing is known.
+    Where robots are few there are no such runs, and nothing is known. To ask about two of three
+    takes nearly as long as to ask about all, and what these can do has to be asked again.
     """
     movers = _some_of_each_kind(system)
-    if len(movers) == system.robots:
+    if system.robots < _FEWER * len(movers):
         return Unbroken(frozenset(nevers), known=False)
     half = Effort(effort.left // 2)
     effort.left -= half.left

@@ -8,11 +8,13 @@ from __future__ import annotations
 from functools import partial
 
 import pytest
+from msgspec.structs import replace
 
 from koord.syntax.system import dealt
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
+from koord.verify.engines.engine import Workers
 from koord.verify.engines.every_n.engine import EveryNEngine
 from koord.verify.engines.every_n.questions import NOT_COVERED, NOT_INDUCTIVE
 from koord.verify.ledger import Ledger, Reach
@@ -26,6 +28,7 @@ from koord.verify.strategy.table import (
     SAFETY,
     AskAtOnce,
     AskEngine,
+    EngineTurn,
     Fleet,
 )
 from koord.verify.strategy.verification import verify
@@ -141,3 +144,15 @@ def test_what_was_found_out_before_the_race_is_not_asked_again(reason: str, agai
     ledger = Ledger(plain_problem(system), Bounds(4), Deadline(), claims_of(system))
     ledger.leave(ledger.open(), Reach(Engine.EVERY_N, None, reason, 0.0))
     assert EveryNEngine().suits(ledger, row.task) is again
+
+
+def test_rounds_of_many_robots_are_written_down_as_far_as_is_quick() -> None:
+    """No limit of a solver counts that: eight rounds of 10 robots may take two seconds."""
+    (race_row, *_) = [row for row in SAFETY[None] if isinstance(row, AskAtOnce)]
+    rows = [row for row in race_row.beside if isinstance(row, AskEngine)]
+    (row,) = [r for r in rows if r.engine is Engine.BMC and r.fleet is Fleet.MANY]
+    system = dealt(program_of(TEXT), 40)
+    ledger = Ledger(plain_problem(system), Bounds(10), Deadline(), claims_of(system))
+    EngineTurn(row.engine, replace(row.task, seconds=5.0), Workers(Pool(1))).work(ledger)
+    assert row.task.rounds is not None
+    assert all((ledger.verdict(claim).rounds or 0) < row.task.rounds for claim in ledger.open())

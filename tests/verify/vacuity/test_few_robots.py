@@ -12,7 +12,9 @@ import pytest
 from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.system import System, dealt
 from koord.verify.effort import Deadline, Effort
+from koord.verify.encoding.unrolling import Unrolling
 from koord.verify.engine_names import Engine
+from koord.verify.reachability_goals import reachability_goals_of
 from koord.verify.strategy.verification import verify
 from koord.verify.vacuity import analysis, reachability, starts, unreachable
 from koord.verify.verdicts import Bounds, Emptiness, Outcome, Report
@@ -177,6 +179,30 @@ Up:
     eff: n = n + 1
 invariant Small: forall i: n@i <= 3
 """
+
+
+@pytest.mark.parametrize(
+    ("robots", "asked"), [(2, [None]), (3, [None]), (4, [frozenset({0, 1}), None])]
+)
+def test_two_of_three_are_not_asked_about_before_all_three(
+    robots: int, asked: list[frozenset[int] | None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To ask what two can do takes as long as to ask about three, and is asked for all rounds."""
+    movers: list[frozenset[int] | None] = []
+    unrolling = reachability.Unrolling
+
+    def counted(system: System, seed: int, moving: frozenset[int] | None = None) -> Unrolling:
+        movers.append(moving)
+        return unrolling(system, seed, moving)
+
+    monkeypatch.setattr(reachability, "Unrolling", counted)
+    system = dealt(program_of(TEXT.format(event=event("n > 7"), assumed="")), robots)
+    goals = reachability_goals_of(system)
+    nevers = [goal.never for goal in goals.all if goal.subject == "Other"]
+    found = reachability.unbroken(goals.system, nevers, 4, Deadline(), Effort.of_seconds(5), runs=4)
+    assert (found.claims, found.known) == (frozenset(nevers), True)
+    assert movers == asked
+
 
 TWO_KINDS = """
 agent Car:
