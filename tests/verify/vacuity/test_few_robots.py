@@ -189,11 +189,10 @@ def test_two_of_three_are_not_asked_about_before_all_three(
 ) -> None:
     """To ask what two can do takes as long as to ask about three, and is asked for all rounds."""
     movers: list[frozenset[int] | None] = []
-    unrolling = reachability.Unrolling
 
     def counted(system: System, seed: int, moving: frozenset[int] | None = None) -> Unrolling:
         movers.append(moving)
-        return unrolling(system, seed, moving)
+        return Unrolling(system, seed, moving)
 
     monkeypatch.setattr(reachability, "Unrolling", counted)
     system = dealt(program_of(TEXT.format(event=event("n > 7"), assumed="")), robots)
