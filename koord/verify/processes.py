@@ -56,6 +56,10 @@ class _Here(Struct, frozen=True):
 #: How long answers are waited for at a time.
 _WAIT_S = 0.05
 
+#: So many messages of each process are heard before it is looked at what there is to do: some say
+#: more all the time.
+_MOST_AT_ONCE = 100
+
 #: After Ctrl-C: when processes that did not hear it are told, and when they are ended: those that
 #: a process has forked sooner than itself, so that it can still say what it heard of them.
 _TOLD_S, _ENDED_S, _SOONER_S = 0.2, 1.0, 0.2
@@ -281,31 +285,45 @@ class Pool(Struct):
             self._running.append(job)
 
     def _listen(self, wait_s: float) -> None:
+        """Hear all that was said by now; if it is nothing, wait for something for so long.
+
+        Where this process was late, one that has all answers may have ended another one, which
+        says so in fewer words: nobody is begun in its place before both are heard.
+        """
         lines = {job.line: job for job in self._running if job.line is not None}
-        for line in ready(list(lines), wait_s):
-            job = lines[line]
-            try:
-                said = line.receive()
-            except (EOFError, OSError):
-                # It died: nothing comes.
-                said = Found(None, lost() if job.process is None else None)
-            match said:
-                case str():
-                    self._tell(job, said)
-                case Noted(value=value):
-                    job.note(value)
-                case Lasting(until=until):
-                    job.share_until = until
-                case Begun(where=where):
-                    job.noted.clear()  # whoever was at it before has died
-                    _begin(job)
-                    self._tell(job, f"on {where}")
-                case Unanswered():
-                    job.why, job.is_overdue = said.why, said.is_overdue
-                    self._put_away(job)
-                case Found():
-                    job.found, job.failure = said.answer, said.failure
-                    self._put_away(job)
+        for _ in range(_MOST_AT_ONCE):
+            heard = ready(list(lines), wait_s)
+            for line in heard:
+                self._hear(lines[line], line)
+                if lines[line].is_done:
+                    del lines[line]
+            if not (heard and lines):
+                return
+            wait_s = 0.0
+
+    def _hear(self, job: Job[object], line: Receiver) -> None:
+        try:
+            said = line.receive()
+        except (EOFError, OSError):
+            # It died: nothing comes.
+            said = Found(None, lost() if job.process is None else None)
+        match said:
+            case str():
+                self._tell(job, said)
+            case Noted(value=value):
+                job.note(value)
+            case Lasting(until=until):
+                job.share_until = until
+            case Begun(where=where):
+                job.noted.clear()  # whoever was at it before has died
+                _begin(job)
+                self._tell(job, f"on {where}")
+            case Unanswered():
+                job.why, job.is_overdue = said.why, said.is_overdue
+                self._put_away(job)
+            case Found():
+                job.found, job.failure = said.answer, said.failure
+                self._put_away(job)
 
     def _put_away(self, job: Job[object]) -> None:
         job.is_done = True

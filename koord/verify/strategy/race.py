@@ -62,10 +62,16 @@ class Ahead(Struct, frozen=True):
     job: Job[Extract]
 
     @staticmethod
-    def begun(runners: Sequence[Runner], ledger: Ledger, pool: Pool) -> Ahead:
-        """Begin with all open claims of a ledger, if there may be another process."""
+    def begun(
+        runners: Sequence[Runner], ledger: Ledger, pool: Pool, *, here: bool = False
+    ) -> Ahead:
+        """Begin with all open claims of a ledger, if there may be another process.
+
+        ``here``: in this process; what takes longer than a glance goes on in another one.
+        """
         known = ledger.of(ledger.open(), ledger.report)
-        job = _started(pool, known, runners, PastVerification())
+        with ledger.waiting():
+            job = _started(pool, known, runners, here=here)
         return Ahead(tuple(runners), known, job)
 
     def violated(self, ledger: Ledger) -> bool:
@@ -75,16 +81,6 @@ class Ahead(Struct, frozen=True):
         """
         found = (ledger.verdicts.get(claim) for claim in self.known.open())
         return any(verdict and verdict.outcome is Outcome.VIOLATED for verdict in found)
-
-    @staticmethod
-    def begun_here(runners: Sequence[Runner], ledger: Ledger, pool: Pool) -> Ahead:
-        """Begin in this process; what takes longer than a glance goes on in another one."""
-        known = ledger.of(ledger.open(), ledger.report)
-        work = partial(_asked, known, known.open(), runners, PastVerification())
-        with ledger.waiting():
-            until = known.deadline.at_last()
-            job = pool.begin_here("", work, is_long=_Glance().is_over, until=until)
-        return Ahead(tuple(runners), known, job)
 
     def settles(self, ledger: Ledger, wanted: Callable[[Ledger], bool]) -> bool:
         """Take what they have at a glance if nothing is ``wanted`` behind it, or on Ctrl-C.
@@ -170,7 +166,7 @@ class RaceTurn(Struct, frozen=True):
             for runners in self._in_turn(groups, first):
                 if runners not in jobs:
                     own = given.get(runners, known)
-                    jobs[runners] = _started(self.pool, own, runners, PastVerification())
+                    jobs[runners] = _started(self.pool, own, runners)
             most = None
             if first and patience is not None and can_fork():
                 with ledger.waiting():
@@ -376,13 +372,16 @@ def _started(
     pool: Pool,
     known: Ledger,
     runners: Sequence[Runner],
-    past: PastVerification,
+    past: PastVerification | None = None,
     *,
     first: bool = False,
+    here: bool = False,
 ) -> Job[Extract]:
-    """Submit turns on the claims that are open, as far as is known."""
-    work = partial(_asked, known, known.open(), runners, past)
+    """Submit turns on the claims that are open, as far as is known; or begin with them ``here``."""
+    work = partial(_asked, known, known.open(), runners, past or PastVerification())
     until = known.deadline.at_last()
+    if here:
+        return pool.begin_here("", work, is_long=_Glance().is_over, until=until)
     return pool.submit("", work, until=until, counts=False, first=first)
 
 

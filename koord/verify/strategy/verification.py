@@ -661,7 +661,7 @@ class _Asking(Struct, frozen=True):
         if not is_free or not self.steps.begin(f"glance, {self.stage}", first.number, first.name):
             return Ahead.begun(runners, ledger, self.pool)
         self.steps.lasting(time.monotonic() + _LONGEST_GLANCE_S)
-        begun = Ahead.begun_here(runners, ledger, self.pool)
+        begun = Ahead.begun(runners, ledger, self.pool, here=True)
         self.steps.lasting(None)
         return begun
 

@@ -124,8 +124,8 @@ def raced(
     with Pool(jobs, progress) as pool:
         ahead = None
         if before is not None:
-            begun = Ahead.begun if apart or jobs == 1 else Ahead.begun_here
-            ahead = begun(runners[:left], ledger, pool)
+            here = jobs > 1 and not apart
+            ahead = Ahead.begun(runners[:left], ledger, pool, here=here)
             before(ledger)
             if heard:
                 pool.answer(ahead.job)
@@ -451,7 +451,10 @@ def test_other_work_is_begun_as_soon_as_one_alone_is_waited_for(
 def test_behind_all_answers_nobody_is_begun(
     system: System, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whose answers count first is still at work, until the process of the other is gone."""
+    """Whose answers count first is still at work, until the process of the other is gone.
+
+    This process looks at what they said when both are gone, as on a machine with other work.
+    """
     gate, begun = tmp_path / "gate", list[int]()
     os.mkfifo(gate)
     begin = processes._begin
@@ -459,6 +462,9 @@ def test_behind_all_answers_nobody_is_begun(
     def begins(job: processes.Job[object]) -> None:
         begun.append(1)
         begin(job)
+        if len(begun) == 3:
+            for child in forked_children():
+                os.waitid(os.P_PID, child, os.WEXITED | os.WNOWAIT)
 
     monkeypatch.setattr(processes, "_begin", begins)
     open_: list[int] = []
@@ -787,8 +793,8 @@ def test_what_takes_longer_than_a_glance_goes_on_in_another_process(
     """Once, and with all that it has by then."""
     ledger = ledger_of(system)
     with Pool(2) as pool:
-        begun = Ahead.begun_here(
-            [runner(at_it((1_000, ["Few"]), (steps - 1_000, EVERYTHING)))], ledger, pool
+        begun = Ahead.begun(
+            [runner(at_it((1_000, ["Few"]), (steps - 1_000, EVERYTHING)))], ledger, pool, here=True
         )
         assert begun.job.is_done is not apart
         assert len(forked_children()) == apart
@@ -811,7 +817,7 @@ def test_who_has_its_turn_behind_one_that_leaves_claims_open_has_another_process
     turns = [at_it((10, ["Few"])), at_it((10, EVERYTHING))]
     runners = [replace(runner(work), number=n) for n, work in enumerate(turns)]
     with Pool(2) as pool:
-        begun = Ahead.begun_here(runners, ledger, pool)
+        begun = Ahead.begun(runners, ledger, pool, here=True)
         assert not begun.job.is_done
         assert [x.claim.name for x in begun.job.noted if isinstance(x, Verdict)] == ["Few"]
         found = pool.answer(begun.job)
@@ -831,7 +837,7 @@ def test_work_is_told_of_now_and_then_wherever_it_goes_on(system: System) -> Non
 
     ledger = ledger_of(system)
     with Pool(2) as pool:
-        begun = Ahead.begun_here([runner(work)], ledger, pool)
+        begun = Ahead.begun([runner(work)], ledger, pool, here=True)
         assert not begun.job.is_done
         pool.answer(begun.job)
     told = [noted.steps for noted in begun.job.noted if isinstance(noted, race.Worked)]
@@ -853,7 +859,7 @@ def test_all_or_nothing_is_taken_at_a_glance(
 ) -> None:
     ledger = ledger_of(system)
     with Pool(2) as pool:
-        begun = Ahead.begun_here([runner(at_it((steps, names)))], ledger, pool)
+        begun = Ahead.begun([runner(at_it((steps, names)))], ledger, pool, here=True)
         with begun.ending(ledger, pool):
             assert begun.settles(ledger, something_open) is taken
         assert forked_children() == set()
@@ -868,7 +874,7 @@ def test_ctrl_c_at_a_glance_leaves_what_is_known(system: System) -> None:
 
     ledger = ledger_of(system)
     with Pool(2) as pool, ledger.stopping():
-        Ahead.begun_here([runner(pressed)], ledger, pool).settles(ledger, something_open)
+        Ahead.begun([runner(pressed)], ledger, pool, here=True).settles(ledger, something_open)
     assert ledger.interrupted
     assert engines(ledger)["Few"] is Engine.EVERY_N
     assert engines(ledger)["Alone"] is Engine.NONE
@@ -899,7 +905,7 @@ def test_where_there_can_be_no_more_processes_it_goes_on_in_this_one(
     monkeypatch.setattr(job_process, "part", none)
     ledger = ledger_of(system)
     with Pool(2) as pool:
-        begun = Ahead.begun_here([runner(at_it((9_000, EVERYTHING)))], ledger, pool)
+        begun = Ahead.begun([runner(at_it((9_000, EVERYTHING)))], ledger, pool, here=True)
         assert begun.job.is_done
         assert begun.settles(ledger, something_open)
 
@@ -932,15 +938,11 @@ def test_what_a_process_died_of_at_a_glance_is_begun_in_another_one(
 ) -> None:
     done: list[str] = []
 
-    def begun(where: str) -> Callable[..., NoReturn]:
-        def begins(*given: object) -> NoReturn:
-            done.append(where)
-            raise KeyboardInterrupt
+    def begun(*given: object, here: bool = False) -> NoReturn:
+        done.append("here" if here else "apart")
+        raise KeyboardInterrupt
 
-        return begins
-
-    monkeypatch.setattr(Ahead, "begun_here", begun("here"))
-    monkeypatch.setattr(Ahead, "begun", begun("apart"))
+    monkeypatch.setattr(Ahead, "begun", begun)
     told: list[object] = []
     verify(system, Bounds(5), jobs=2, noted=told.append)
     verify(system, Bounds(5), jobs=2, past=PastVerification().told(told))
