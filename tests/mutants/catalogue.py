@@ -727,6 +727,13 @@ VERIFY = (
         ("tests/verify/vacuity/test_few_robots.py",),
     ),
     Mutant(
+        "somebody is begun before all that was said is heard",
+        "verify.processes.Pool._listen",
+        "range(_MOST_AT_ONCE)",
+        "range(1)",
+        ("tests/verify/strategy/test_race.py",),
+    ),
+    Mutant(
         "losers of a race go on",
         "verify.strategy.race.RaceTurn.work",
         "self.pool.drop(job)",
