@@ -791,7 +791,7 @@ VERIFY = (
     ),
     Mutant(
         "what a worker told of before it died stands twice",
-        "verify.processes.Pool._listen",
+        "verify.processes.Pool._hear",
         "job.noted.clear()",
         "pass",
         (COURIER,),
