@@ -19,7 +19,7 @@ from koord.api.fleet_watch import FleetWatch
 from koord.api.preflight import Approval, Looking
 from koord.api.progress import Cancellation, CancelledError, Listener, asker
 from koord.runtime.deploy.job import Job, Make, member_of
-from koord.runtime.deploy.news import News
+from koord.runtime.deploy.news import Kept, News
 from koord.runtime.deploy.status import RobotReport
 from koord.runtime.deploy.supervision import ProcessReport
 from koord.runtime.motion.libraries import SIM, require
@@ -81,9 +81,11 @@ class FollowedRun:
         return member_of if self._parts is None else self._parts.member
 
     @property
-    def wants_poses(self) -> bool:
-        """True if somebody looks at where robots are."""
-        return self._page is not None
+    def keeps(self) -> Kept:
+        """What robots are to tell: not more than somebody looks at, as telling takes time."""
+        is_shown = self._page is not None
+        rounds = is_shown or self._recorder is not None
+        return Kept(rounds=rounds, states=self._watch.wants_states, poses=is_shown)
 
     def begin(self) -> None:
         """Let people look at the robots, now that these are there. (P-PREFLIGHT)"""

@@ -58,8 +58,7 @@ def run_one(of: Deployment, pid: int) -> Deployed:
             pid,
             transport,
             make=followed.make,
-            keeps_rounds=True,
-            keeps_poses=followed.wants_poses,
+            keeps=followed.keeps,
         )
         followed.begin()
 
@@ -100,8 +99,7 @@ def run_all(of: Deployment) -> Deployed:
             plan,
             followed.make,
             lambda plan, pid: _lossy(Udp(plan, pid), of, pid),
-            keeps_rounds=True,
-            keeps_poses=followed.wants_poses,
+            keeps=followed.keeps,
             scratch=scratch,
             processes=request.processes,
             wrap=lambda transport, pid: _lossy(transport, of, pid),

@@ -26,7 +26,9 @@ class FleetWatch:
         self._unwatched: set[str] = set()
         self._there = set(range(job.robots)) if pid is None else {pid}
         has_all = len(self._there) == job.robots
-        self._of_others = set() if has_all else FleetMonitor.claims_of(job.watched)
+        claims = FleetMonitor.claims_of(job.watched)
+        self.wants_states = bool(claims)  #: of robots, to look at claims
+        self._of_others = set() if has_all else claims
         self.monitor = FleetMonitor(
             job.watched, job.classes, job.kinds, job.delta_s, _host(fitted, job)
         )
@@ -41,6 +43,8 @@ class FleetWatch:
             for told in one.rounds:
                 if told.state is not None:
                     self.monitor.hear(told.pid, told.state)
+            for lasting in one.states:
+                self.monitor.hear(one.status.pid, lasting.state, lasting.rounds)
         lost = {pid for pid, one in (processes or {}).items() if one.is_lost}
         self.monitor.look(self._there - lost)
 

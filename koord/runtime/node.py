@@ -6,6 +6,7 @@ real networks and over simulated ones.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Protocol, assert_never
@@ -39,7 +40,7 @@ from koord.runtime.protocol.events import (
 from koord.runtime.protocol.machine import step
 from koord.runtime.protocol.messages import Beacon, LastRun, LogEntry, Message, RunMessage
 from koord.runtime.protocol.setup import Setup
-from koord.runtime.protocol.state import Durable, State, durable
+from koord.runtime.protocol.state import State
 from koord.runtime.transports.shared import SharedEnd
 from koord.runtime.transports.transport import Transport
 from koord.runtime.wire.codec import Channel, DatagramReader, DatagramWriter, is_handshake
@@ -52,8 +53,10 @@ class Participant(Protocol):
     def propose(self, round_: int) -> Proposal | None:
         """Sense, run the first enabled event into a buffer, and propose. None: stay mute."""
 
-    def save(self, kept: Durable) -> bool:
-        """Write to the disk, and return whether it is there for good. (R-SAVE)"""
+    def save(self, state: State) -> bool:
+        """Write what is durable of a state to the disk; return whether it is there for good.
+        (R-SAVE)
+        """
 
     def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
         """Act on a decision: apply the writes; keep the buffer or discard it."""
@@ -175,7 +178,7 @@ class Node:
                 self._due.pop(PendingWork.ROUND, None)
                 self._robot.commit(effect.entry, effect.kept)
             elif type(effect) is Save:
-                if not self._robot.save(durable(self.state)):
+                if not self._robot.save(self.state):
                     self._kept_back = list(effects[done:])
                     self._write_at = now + _WRITE_AGAIN_S
                     self._robot.hold(Reason.UNWRITABLE)
@@ -258,6 +261,7 @@ class Peer:
         opened = transport.opened(channel) if isinstance(transport, SharedEnd) else None
         self._reader = DatagramReader(channel, opened=opened)
         self._clock = clock
+        self._read_at = -math.inf  #: when the last datagram was read
 
     @property
     def drops(self) -> Drops:
@@ -289,9 +293,8 @@ class Peer:
         datagrams = self._writer.datagrams(state.incarnation, state.round, message)
         counts = self.counts
         counts.sent += 1
-        for datagram in datagrams:
-            counts.datagrams += 1
-            counts.sent_bytes += len(datagram)
+        counts.datagrams += len(datagrams)
+        counts.sent_bytes += sum(map(len, datagrams))
         return datagrams
 
     # --- time -----------------------------------------------------------------------------------
@@ -316,21 +319,26 @@ class Peer:
             self._reader.round = node.state.round
             for datagram in datagrams:
                 self.read(datagram)
-        if node.due is not None:
-            node.wake(self._clock())
+        due = node.due
+        if due is None:
+            return
+        # What this has made due at once needs no other look at the clock; the rest comes next time.
+        now = self._read_at if datagrams else self._clock()
+        if due <= now:
+            node.wake(now)
 
     def read(self, datagram: bytes) -> None:
         """Process a datagram."""
         counts, size = self.counts, len(datagram)
         counts.arrived += 1
         counts.arrived_bytes += size
+        now = self._read_at = self._clock()
         if is_handshake(datagram):
             self.on_handshake(datagram)
             return
         letter = self._reader.read(datagram)
         if letter is None:
             return
-        now = self._clock()
         counts.received += 1
         sender, message = letter.sender, letter.message
         self.heard_at[sender] = now

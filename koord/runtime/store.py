@@ -6,7 +6,7 @@ own copy, which is forgotten.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from hashlib import blake2b
 from operator import is_not
 from typing import Any
@@ -78,15 +78,17 @@ class AgreedStore:
             if variable.name in values:
                 self.values[variable.name] = values[variable.name]
 
-    def apply(self, writes: Iterable[Write]) -> dict[str, Any]:
+    def apply(self, writes: Collection[Write]) -> dict[str, Any]:
         """Apply writes in order; return the new values of the written variables.
 
         A location that is no more (of a list that became shorter) is lost (decision record 0007).
         Raises ShapeError if a write is none of this program's; then the store is as before.
         [SHARED-ASSIGN] [LOCATION]
         """
-        variables, robots = self.layout.variables, self.robots
         changed: dict[str, Any] = {}
+        if not writes:  # of most rounds of a fleet that waits
+            return changed
+        variables, robots = self.layout.variables, self.robots
         #: Arrays and lists that elements are being put into, not yet made tuples again.
         unpacked: dict[str, list[Any]] = {}
         for write in writes:
@@ -141,7 +143,7 @@ class AgreedStore:
         self._digest = blake2b(whole.encode(), digest_size=DIGEST_BYTES).digest()
         return self._digest
 
-    def digest_after(self, writes: Iterable[Write]) -> bytes:
+    def digest_after(self, writes: Collection[Write]) -> bytes:
         """The digest after writes, which are not applied. Raises ShapeError as :meth:`apply`."""
         after = AgreedStore(self.layout, self.robots)
         after.values = dict(self.values)

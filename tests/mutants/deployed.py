@@ -49,6 +49,20 @@ DEPLOYED = (
         (SHARED,),
     ),
     Mutant(
+        "where one datagram came there is never more than one",
+        "runtime.transports.udp.Pace.takes_all",
+        "self._left -= 1",
+        "pass",
+        ("tests/runtime/test_transports.py",),
+    ),
+    Mutant(
+        "what has something to say of itself is never asked",
+        "runtime.deploy.running._is_timeless",
+        "made.tick is Untimed.tick and made.beacon is Untimed.beacon",
+        "made.tick is Untimed.tick",
+        (SHARED,),
+    ),
+    Mutant(
         "what the kernel dropped is forgotten when a robot ends",
         "runtime.transports.udp.Udp.close",
         "self._dropped, self._is_closed = self.dropped, True",

@@ -415,6 +415,13 @@ WIRE_MISTAKES = (
         (WIRE,),
     ),
     Mutant(
+        "numbers that came in a row are forgotten",
+        "runtime.wire.codec.Window.is_new",
+        "(1 << row) - 1",
+        "0",
+        (WIRE,),
+    ),
+    Mutant(
         "pieces of two messages are mixed",
         "runtime.wire.codec.Assembly.add",
         "frame.number - piece",
@@ -571,8 +578,8 @@ WIRE_MISTAKES = (
     Mutant(
         "a robot that cannot write goes on",
         "runtime.node.Node._carry_out_all",
-        "not self._robot.save(durable(self.state))",
-        "self._robot.save(durable(self.state)) is None",
+        "not self._robot.save(self.state)",
+        "self._robot.save(self.state) is None",
         (DEPLOY,),
     ),
     Mutant(

@@ -16,10 +16,13 @@ import koord
 from koord.api.deployed import FleetHeard
 from koord.api.results import ArgumentError
 from koord.runtime.deploy import local
-from koord.runtime.deploy.running import Runner
+from koord.runtime.deploy.ideal import IdealHost
+from koord.runtime.deploy.running import Runner, _is_timeless
 from koord.runtime.deploy.supervision import EndCause
 from koord.runtime.deploy.together import Going, run_together
-from koord.runtime.protocol.messages import Ask, Snapshot
+from koord.runtime.protocol.events import Reason
+from koord.runtime.protocol.messages import Ask, Beacon, Snapshot
+from koord.runtime.robot import Robot
 from koord.runtime.transports.shared import SharedUdp
 from koord.runtime.transports.transport import TransportError
 from koord.runtime.transports.udp import LEAST_WAITING, on_this_machine
@@ -212,6 +215,19 @@ def test_robots_that_share_processes_make_a_run(processes: int) -> None:
     assert deployed.is_complete
     assert {pid: one.round for pid, one in deployed.statuses.items()} == dict.fromkeys(range(5), 30)
     assert not deployed.broken
+
+
+def test_what_has_steps_to_take_or_something_to_say_is_asked_in_each_turn() -> None:
+    class Ticking(IdealHost):
+        def tick(self, now_s: float, round_age_s: float | None, reason: Reason | None) -> float:
+            return now_s + 0.1
+
+    class Telling(IdealHost):
+        def beacon(self, now_s: float) -> Beacon | None:
+            return Beacon((now_s, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+
+    hosts = (IdealHost, Ticking, Telling)
+    assert [_is_timeless(made(Robot, 0, 1, 0.1, 0)) for made in hosts] == [True, False, False]
 
 
 def test_a_robot_that_crashes_leaves_the_others_of_its_process(

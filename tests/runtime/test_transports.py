@@ -37,7 +37,7 @@ from koord.runtime.protocol.state import fresh
 from koord.runtime.transports import udp as udp_transport
 from koord.runtime.transports.routed import MOST_WAITING, Routed
 from koord.runtime.transports.transport import Transport, TransportError
-from koord.runtime.transports.udp import Delivery, Plan, Udp, on_this_machine
+from koord.runtime.transports.udp import Delivery, Pace, Plan, Udp, on_this_machine
 from koord.runtime.wire.codec import Channel, DatagramWriter
 from koord.runtime.wire.frames import LONGEST, Drop, fleet_key, run_key
 from koord.syntax.source import Source
@@ -310,6 +310,30 @@ def test_what_the_kernel_has_no_room_for_is_told(
     for transport in (one, other):
         transport.close()
     assert other.dropped == lost, "also when nobody can ask the kernel any more"
+
+
+def test_a_socket_to_which_datagrams_come_singly_is_asked_once_for_each() -> None:
+    pace, taken = Pace(), []
+    for came in [3, 2, *[1] * 11, 2, 2]:
+        taken.append(pace.takes_all())
+        pace.came += came
+    # After several at once, and after a few that came singly, all that has come is taken.
+    assert taken == [True, True, True, *[False] * 8, True, False, False, False]
+
+
+def test_what_came_to_a_socket_is_taken_in_the_end() -> None:
+    one, other = unicast(2)
+    for _ in range(4):  # singly, as in rounds
+        one.send(1, b"?")
+        assert other.receive(1.0) == [b"?"]
+    for k in range(100):
+        one.send(1, b"%d" % k)
+    came: list[bytes] = []
+    while some := other.receive(0.0):
+        came += some
+    assert came == [b"%d" % k for k in range(100)]
+    one.close()
+    other.close()
 
 
 # --- each its own ---------------------------------------------------------------------------------

@@ -416,6 +416,19 @@ def test_a_number_counts_once(numbers: list[int]) -> None:
             seen.add(number)
 
 
+def test_a_number_counts_once_after_a_long_row() -> None:
+    window = Window()
+    for number in range(3 * WIDTH):
+        assert window.is_new(number)
+    assert not window.is_new(3 * WIDTH - 1)
+    assert not window.is_new(2 * WIDTH)
+    assert not window.is_new(5)
+    assert window.is_new(3 * WIDTH + 1)
+    assert not window.is_new(3 * WIDTH - 1)
+    assert window.is_new(3 * WIDTH)
+    assert [window.is_new(3 * WIDTH + k) for k in range(4)] == [False, False, True, True]
+
+
 def test_a_new_start_is_heard_and_the_old_one_is_no_more() -> None:
     """(R-START)"""
     window = Window()

@@ -48,6 +48,7 @@ from koord.runtime.protocol.state import (
     Coordinator,
     Durable,
     State,
+    durable,
     fresh,
     recovered,
     returning,
@@ -124,8 +125,8 @@ class StormRobot:
         self._journal.proposed = proposal_of(self.pid, round_)
         return self._journal.proposed
 
-    def save(self, kept: Durable) -> bool:
-        self._journal.saved, self._journal.store = kept, self.store
+    def save(self, state: State) -> bool:
+        self._journal.saved, self._journal.store = durable(state), self.store
         return True
 
     def come_back(self, saved: Durable) -> None:

@@ -68,6 +68,7 @@ class Entrance:
         job, pid = self._job, self._pid
         self.member = member = self._make(job, pid)
         member.seen = partial(self._untold.saw, member)
+        member.tells_states = self._untold.keeps_states
         if job.watched is not None:
             member.watch(job.watched, len(job.classes))
             member.is_alone = not job.is_local

@@ -23,7 +23,7 @@ from msgspec.structs import replace
 from koord.runtime.configuration.forms import Carrier
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.job import CannotTakePartError, Job, Make, member_of
-from koord.runtime.deploy.news import News
+from koord.runtime.deploy.news import Kept, News
 from koord.runtime.deploy.running import Runner, described
 from koord.runtime.deploy.status import RobotReport
 from koord.runtime.deploy.supervision import EndCause, ProcessEnd
@@ -136,8 +136,7 @@ class Launch(Struct, frozen=True):
     plan: Plan
     make: Make = member_of
     carry: Carry = Udp
-    keeps_rounds: bool = False
-    keeps_poses: bool = False
+    keeps: Kept = Kept()
     scratch: str | None = None  #: a folder that is of no use without the first process
     wrap: Callable[[Transport, int], Transport] | None = None  #: of those who share processes
     processes: int | None = None  #: so many share the robots; None: each has its own
@@ -422,8 +421,7 @@ def _going(
             pid,
             transport,
             make=launch.make,
-            keeps_rounds=launch.keeps_rounds,
-            keeps_poses=launch.keeps_poses,
+            keeps=launch.keeps,
         )
         asked.go = runner.go
 

@@ -49,7 +49,7 @@ from koord.runtime.proposals import (
 from koord.runtime.protocol.committing import admitted_of
 from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.messages import Beacon, LastRun, LogEntry, Tentative
-from koord.runtime.protocol.state import Durable
+from koord.runtime.protocol.state import Durable, State, durable
 from koord.runtime.robot import AnsweringHost, Robot, Status
 from koord.runtime.shapes import ShapeError, from_plain
 from koord.runtime.store import AgreedStore, is_digested
@@ -212,6 +212,7 @@ class Member:
         self.monitor: RobotMonitor | None = None
         self.is_alone = False  #: nobody hears here what the others tell of their states
         self.state: RobotState | None = None  #: when the round began that was proposed for last
+        self.tells_states = True  #: somebody wants to know them
         self._journal: Journal | None = None
         self._identity: tuple[Entered, Start] | None = None
         self._unwritten: list[AnyRecord] = []
@@ -275,7 +276,8 @@ class Member:
         """Look at the state when a round begins. (P-WATCH)"""
         if self.monitor is not None:
             self.monitor.begun(round_, self.store.values)
-            self.state = RobotState.of(self.robot, round_, self.store, is_alone=self.is_alone)
+            if self.tells_states:
+                self.state = RobotState.of(self.robot, round_, self.store, is_alone=self.is_alone)
 
     def watch(self, watched: Watched, kinds: int) -> None:
         """Watch the claims that the robot, of one of so many kinds, can judge by itself."""
@@ -352,7 +354,8 @@ class Member:
     @property
     def all_stopped(self) -> bool:
         """True if all robots have stopped."""
-        return all(status is Status.STOPPED for status in self.statuses)
+        own = self.statuses[self.robot.pid]  # of most it is known by their own
+        return own is Status.STOPPED and all(one is Status.STOPPED for one in self.statuses)
 
     def hold(self, reason: Reason | None) -> None:
         """Come to a safe stop for a reason; None: go on."""
@@ -459,11 +462,12 @@ class Member:
         """The bytes that its disk was given for its journal."""
         return 0 if self._journal is None else self._journal.written
 
-    def save(self, kept: Durable) -> bool:
+    def save(self, state: State) -> bool:
         """Write what messages may speak of; return whether it is on the disk. (R-SAVE)"""
         journal, identity = self._journal, self._identity
         if journal is None or identity is None:
             return True
+        kept = durable(state)
         held = kept.tentative
         tentative = None if held is None else Tentative(held.epoch, held.entry)
         vow = Vow(kept.incarnation, kept.promised, tentative)

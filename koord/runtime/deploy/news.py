@@ -10,7 +10,7 @@ from msgspec import Struct
 from koord.runtime.buffers import Written
 from koord.runtime.deploy.member import Member, Platform
 from koord.runtime.deploy.status import RobotReport, Tally
-from koord.runtime.deploy.watching import RobotState
+from koord.runtime.deploy.watching import LastingState, RobotState
 from koord.runtime.drivers.frames import LEVEL, Quaternion
 from koord.runtime.motion.world import Point
 from koord.runtime.node import Clock
@@ -50,35 +50,49 @@ class PoseReport(Struct, frozen=True):
 
 
 class News(Struct, frozen=True):
-    """What a robot tells: how it is doing, its rounds and where it was since it told last."""
+    """What a robot tells: how it is doing, its rounds and where it was since it told last.
+
+    Where nobody wants its rounds there are its ``states`` alone.
+    """
 
     status: RobotReport
     rounds: tuple[RoundReport, ...] = ()
     poses: tuple[PoseReport, ...] = ()
+    states: tuple[LastingState, ...] = ()
+
+
+class Kept(Struct, frozen=True):
+    """What somebody wants to be told of a robot, besides how it is doing."""
+
+    rounds: bool = False  #: all about them, the states when they began, too
+    states: bool = False  #: those alone
+    poses: bool = False  #: where it is
 
 
 class Untold:
     """What a robot has seen and has not told yet, and what it has counted."""
 
-    def __init__(
-        self, clock: Clock, pace_s: float, *, keeps_rounds: bool, keeps_poses: bool
-    ) -> None:
+    def __init__(self, clock: Clock, pace_s: float, keeps: Kept) -> None:
         self.tally = Tally()
-        self._keeps_rounds, self._keeps_poses = keeps_rounds, keeps_poses
+        self.keeps_states = keeps.rounds or keeps.states
+        self.keeps_poses = keeps.poses
+        self._keeps_rounds = keeps.rounds
         self.committed_at: float | None = None  #: when its last round was
         self._clock = clock
         self._pace_s = pace_s
         self._rounds: list[RoundReport] = []
+        self._states: list[LastingState] = []
         self._poses: list[PoseReport] = []
         self._pose_due_s = -math.inf
         self._path: tuple[Point, ...] = ()
 
     def news(self, status: RobotReport) -> News:
         """What is new since the last call."""
-        rounds, poses = tuple(self._rounds), tuple(self._poses)
+        news = News(status, tuple(self._rounds), tuple(self._poses), tuple(self._states))
         self._rounds.clear()
         self._poses.clear()
-        return News(status, rounds, poses)
+        self._states.clear()
+        return news
 
     def saw(self, member: Member, entry: LogEntry, kept: Admitted | None) -> None:
         """Note a round of the robot, now that it has acted on it."""
@@ -100,7 +114,15 @@ class Untold:
                     pid, entry.round, name, position, output, late, took_s, now_s, state, told
                 )
             )
+        elif member.state is not None:
+            self._note(member.state)
+            member.state = None
         member.output.clear()
+
+    def _note(self, state: RobotState) -> None:
+        """Note the state in which a round began."""
+        if not (self._states and self._states[-1].goes_on_with(state)):
+            self._states.append(LastingState(state))
 
     def _count(self, now_s: float, *, is_in: bool, late: bool) -> float:
         """Count a round; return how long it took."""
@@ -118,7 +140,7 @@ class Untold:
 
     def is_at(self, pid: int, platform: Platform, now_s: float) -> None:
         """Note where the robot is, now and then."""
-        if not self._keeps_poses or now_s < self._pose_due_s:
+        if not self.keeps_poses or now_s < self._pose_due_s:
             return
         self._pose_due_s = now_s + POSE_S
         path = platform.path
@@ -128,6 +150,6 @@ class Untold:
 
     def was_at(self, pid: int, beacon: Beacon, now_s: float) -> None:
         """Note where another robot says that it was."""
-        if self._keeps_poses:
+        if self.keeps_poses:
             here = PoseReport(pid, now_s - beacon.age_s, beacon.position_m, LEVEL)
             self._poses.append(here)

@@ -8,14 +8,15 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 from msgspec.structs import replace
 
 from koord.runtime.deploy.entering import Entrance
 from koord.runtime.deploy.job import CannotTakePartError, Job, Make, member_of
 from koord.runtime.deploy.looking import SETTLING_S, Lookout, fleet_checks
-from koord.runtime.deploy.member import LANDING_S, DivergedError, Member
-from koord.runtime.deploy.news import REPORT_S, News, Untold
+from koord.runtime.deploy.member import LANDING_S, DivergedError, Member, Platform, Untimed
+from koord.runtime.deploy.news import REPORT_S, Kept, News, Untold
 from koord.runtime.deploy.preflight import Check
 from koord.runtime.deploy.status import RobotReport, added, gathering, status_of
 from koord.runtime.guardian.events import Order
@@ -24,11 +25,15 @@ from koord.runtime.orders.hearing import Body, Hearer, Obeyed
 from koord.runtime.protocol.events import Reason
 from koord.runtime.shapes import ShapeError
 from koord.runtime.transports.transport import Transport
+from koord.runtime.transports.udp import Udp
 from koord.runtime.wire.codec import Channel
 from koord.runtime.wire.frames import Drop, order_key
 
 #: How long a robot stays to answer others after its last round, in rounds.
 LINGERING = 8
+
+#: Nobody wants to be told of more than how a robot is doing.
+_NOTHING = Kept()
 
 #: A vehicle that could not be told to stop is told again after so long.
 _RETRY_S = 0.05
@@ -38,6 +43,12 @@ def described(error: Exception) -> str:
     """An error that nobody expected, in a line, with its place."""
     place = traceback.extract_tb(error.__traceback__)[-1]
     return f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
+
+
+def _is_timeless(host: Platform) -> bool:
+    """Return whether a platform never has a step to take, nor anything to say of itself."""
+    made: Any = type(host)
+    return made.tick is Untimed.tick and made.beacon is Untimed.beacon
 
 
 class Runner:
@@ -51,24 +62,24 @@ class Runner:
         clock: Clock = time.monotonic,
         make: Make = member_of,
         *,
-        keeps_rounds: bool = False,
-        keeps_poses: bool = False,
+        keeps: Kept = _NOTHING,
     ) -> None:
         """Make the robot, and read its journal. Raises CannotTakePartError.
 
-        ``keeps_rounds``, ``keeps_poses``: somebody wants to be told of its rounds, and of where it
-        is.
+        ``keeps``: what somebody wants to be told of it.
         """
         self.job = job
         self.trouble: str | None = None  #: why it had to stop
         self._pid = pid
         self._transport = transport
         self._clock = clock
-        self._untold = Untold(clock, job.pace_s, keeps_rounds=keeps_rounds, keeps_poses=keeps_poses)
+        self._untold = Untold(clock, job.pace_s, keeps)
         self._waits = job.waits
+        self._is_alone = isinstance(transport, Udp)  #: in its process
         self._begun_at = clock()
         self._due_at: float | None = None  #: when the platform's next tick was due
         self._late_s = 0.0
+        self._timeless: Platform | None = None  #: what has no steps to take, and no beacons
         self.entrance = Entrance(job, pid, transport, clock, make, self._untold)
         channel = Channel(order_key(job.key), job.robots, pid, encrypts=job.encrypts)
         self.hearer = Hearer(channel, Body(self._obey, self._state), clock, time.time)
@@ -132,7 +143,7 @@ class Runner:
     ) -> Iterator[float | None]:
         """The same, step by step: between two of them others of this process may have their turn.
 
-        What comes out of each is :attr:`rests_s`.
+        What comes out of each is :attr:`rests_s`; None, too, where there are no others.
 
         Raises CannotTakePartError.
         """
@@ -162,7 +173,7 @@ class Runner:
             elif now >= leave_at:
                 self.member.forget()
                 break
-            yield self.rests_s
+            yield None if self._is_alone else self.rests_s
         if self.trouble is None:
             self.member.finish()
         yield from self._stop()
@@ -220,6 +231,10 @@ class Runner:
         """Let the platform take its step; return how long there is until the next, at most."""
         self._heed()
         untold, entrance = self._untold, self.entrance
+        if entrance.member.host is self._timeless:
+            if untold.keeps_poses:
+                untold.is_at(self._pid, self._timeless, self._clock())
+            return REPORT_S / 4
         now, at = self._clock(), untold.committed_at
         age_s = None if at is None else now - at
         member = entrance.member
@@ -229,6 +244,7 @@ class Runner:
         if was_due_at is not None and is_late and now - self._begun_at > SETTLING_S / 2:
             self._late_s = now - was_due_at
         due_at = self._due_at = host.tick(now, age_s, member.holding)
+        self._timeless = host if _is_timeless(host) else None
         untold.is_at(self._pid, host, now)
         peer = entrance.peer
         if peer is not None:

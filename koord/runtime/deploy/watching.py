@@ -193,6 +193,30 @@ class RobotState(Struct, frozen=True):
         own = own_values(robot, vars(robot))
         return RobotState(round_, own, robot.ran, robot.status.value, shared)
 
+    def is_same(self, other: RobotState) -> bool:
+        """Return whether the robot itself was in the same state."""
+        is_so = (self.ran, self.status) == (other.ran, other.status)
+        return is_so and self.own == other.own
+
+
+class LastingState(Struct):
+    """A state of a robot in which it itself was for so many ``rounds``, one after another."""
+
+    state: RobotState
+    rounds: int = 1
+
+    def goes_on_with(self, state: RobotState) -> bool:
+        """Count a state as one more round of this one; False if it is another one.
+
+        One that tells of the store stands for itself.
+        """
+        first = self.state
+        is_next = state.shared is None and state.round == first.round + self.rounds
+        if not (is_next and state.is_same(first)):
+            return False
+        self.rounds += 1
+        return True
+
 
 class FleetMonitor:
     """The monitor of all robots, in the process that hears of them. (P-WATCH)
@@ -220,6 +244,7 @@ class FleetMonitor:
         self._last = [INIT_ROUND] * len(kinds)  #: the round that each told of last
         self._own: list[Attributes] = [() for _ in kinds]  #: what robots told last
         self._shared: tuple[Plain, ...] | None = None
+        self._held: list[RobotState | None] = []  #: in these states all claims held
         self.seen: Callable[[int], None] = _ignored
 
     @property
@@ -232,10 +257,11 @@ class FleetMonitor:
         """The claims that no robot can judge by itself."""
         return set(map(named, _of_several(watched)))
 
-    def hear(self, pid: int, state: RobotState) -> None:
-        """Take note of a robot's state when a round began."""
-        self._told.setdefault(state.round, {})[pid] = state
-        self._last[pid] = state.round
+    def hear(self, pid: int, state: RobotState, rounds: int = 1) -> None:
+        """Take note of a robot's state when a round began, and so many ``rounds`` in all."""
+        for round_ in range(state.round, state.round + rounds):
+            self._told.setdefault(round_, {})[pid] = state
+        self._last[pid] = state.round + rounds - 1
 
     def look(self, there: Iterable[int]) -> None:
         """Look at the rounds of which all robots have told that are ``there``, or of later ones."""
@@ -247,16 +273,24 @@ class FleetMonitor:
                 self._look(round_, self._told.pop(round_))
 
     def _look(self, round_: int, told: Mapping[int, RobotState]) -> None:
-        shared = next((one.shared for one in told.values() if one.shared is not None), None)
+        stores = (one.shared for one in told.values() if one.round == round_)
+        shared = next((one for one in stores if one is not None), None)
         if shared is None:
             return
+        states = [told.get(pid) for pid in range(len(self.robots))]
         if shared != self._shared:
             self.store.restore(shared)
             self._shared = shared
+        elif self._held and all(map(_is_same, states, self._held)):
+            self.seen(round_)
+            return
         robots = [self._at(pid, told.get(pid)) for pid in range(len(self.robots))]
         self._states.see(robots, self.store.values)
+        is_held = True
         for claim, who in self._states.broken(_STATES):
             self.breaches.add(Breach.of(claim, who, round_))
+            is_held = False
+        self._held = states if is_held else []
         self.seen(round_)
 
     def _at(self, pid: int, state: RobotState | None) -> Robot | UnknownRobot:
@@ -272,6 +306,13 @@ class FleetMonitor:
         self._own[pid] = state.own
         robot.ran, robot.status = state.ran, Status(state.status)
         return robot
+
+
+def _is_same(one: RobotState | None, other: RobotState | None) -> bool:
+    """Return whether a robot is in the same state, as far as it has told."""
+    if one is None or other is None:
+        return one is other
+    return one is other or one.is_same(other)
 
 
 def _ignored(round_: int) -> None:

@@ -52,6 +52,8 @@ def outrank(turn: StepContext) -> None:
 
 def admitted_of(entry: LogEntry, pid: int) -> Admitted | None:
     """A robot's turn in an entry; None if it was not let through."""
+    if not entry.decision.ran:
+        return None
     return _by_robot(entry.decision.ran).get(pid)
 
 
@@ -64,7 +66,9 @@ def after_entry(
     roster: tuple[int, ...], last_ran: tuple[LastRun | None, ...], entry: LogEntry
 ) -> tuple[tuple[int, ...], tuple[LastRun | None, ...]]:
     """The roster, and what robots last ran, after an entry is committed."""
-    return _roster(roster, entry), _last_ran(last_ran, entry)
+    if entry.decision.ran:
+        last_ran = _last_ran(last_ran, entry)
+    return _roster(roster, entry), last_ran
 
 
 def _roster(roster: tuple[int, ...], entry: LogEntry) -> tuple[int, ...]:
@@ -79,8 +83,6 @@ def _roster(roster: tuple[int, ...], entry: LogEntry) -> tuple[int, ...]:
 
 @keeps_last
 def _last_ran(before: tuple[LastRun | None, ...], entry: LogEntry) -> tuple[LastRun | None, ...]:
-    if not entry.decision.ran:
-        return before
     changed, round_ = list(before), entry.round
     for taken in entry.decision.ran:
         changed[taken.robot] = LastRun(round_, taken.event)

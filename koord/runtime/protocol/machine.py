@@ -56,7 +56,7 @@ from koord.runtime.protocol.state import (
 
 def step(setup: Setup, state: State, event: Event) -> tuple[State, tuple[Effect, ...]]:
     """Return the state after an event, and the effects in order. Pure."""
-    if isinstance(state.office, Retired):
+    if type(state.office) is Retired:
         return state, ()
     turn = StepContext(setup, state, event.now)
     if isinstance(event, Received):  # most are

@@ -12,7 +12,14 @@ import socket
 from collections.abc import Sequence
 
 from koord.runtime.transports.transport import TransportError
-from koord.runtime.transports.udp import Mailbox, Plan, joined, most_waiting, overflow
+from koord.runtime.transports.udp import (
+    Mailbox,
+    Pace,
+    Plan,
+    joined,
+    most_waiting,
+    overflow,
+)
 from koord.runtime.wire.codec import Channel, Opened
 from koord.runtime.wire.frames import LONGEST
 
@@ -29,6 +36,7 @@ class SharedUdp:
         self._poll = select.poll()
         self._all: socket.socket | None = None
         self._all_number = -1
+        self._pace = Pace()  #: of what is sent to all
         try:
             for pid in pids:
                 end = self.ends[pid] = SharedEnd(self, pid)
@@ -68,13 +76,15 @@ class SharedUdp:
         one = self._all
         assert one is not None
         ends = tuple(self._by_number.values())
-        for _ in range(most_waiting(self.plan)):
+        pace = self._pace
+        for _ in range(most_waiting(self.plan) if pace.takes_all() else 1):
             try:
                 datagram, source = one.recvfrom(LONGEST + 1)
             except BlockingIOError:
                 return
             except OSError:
                 continue
+            pace.came += 1
             for end in ends:
                 end.take(datagram, source)
 

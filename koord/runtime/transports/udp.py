@@ -14,7 +14,7 @@ from functools import partial
 from msgspec import Struct
 
 from koord.runtime.transports.transport import TransportError, Visit
-from koord.runtime.wire.frames import LONGEST, is_order
+from koord.runtime.wire.frames import FIRST_ORDER_KIND, KIND_AT, LONGEST, is_order
 
 Address = tuple[str, int]
 
@@ -25,11 +25,18 @@ _BUFFER_BYTES = 4 << 20
 #: is taken from the kernel first: by default it keeps only some hundred.
 BATCH = 32
 
+#: A socket to which datagrams come one by one is asked so many times for one of them, and then for
+#: whatever there is: to ask once more each time would be half of what receiving takes.
+_SINGLY = 8
+
 #: So many datagrams wait in this process for each robot of the fleet, and for a small fleet.
 _WAITING_PER_ROBOT, LEAST_WAITING = 4, 512
 
 #: So many orders of people wait; of more the oldest are lost, as on a network.
 MOST_VISITS = 256
+
+
+_ONCE = range(1)
 
 
 class Delivery(Enum):
@@ -65,6 +72,32 @@ def most_waiting(plan: Plan) -> int:
     return max(LEAST_WAITING, _WAITING_PER_ROBOT * len(plan.addresses))
 
 
+class Pace:
+    """How datagrams come to a socket: one by one, or several at once.
+
+    ``came`` is to count those that came since :meth:`takes_all` was asked last.
+    """
+
+    __slots__ = ("_is_all", "_left", "came")
+
+    def __init__(self) -> None:
+        self.came = 0
+        self._is_all = False  #: all that had come was taken last
+        self._left = 0  #: so many times one is taken yet, before all are again
+
+    def takes_all(self) -> bool:
+        """Return whether to take now all that has come, or else one datagram."""
+        if self._left:
+            self._left -= 1
+            self._is_all = False
+            return False
+        if self._is_all and self.came <= 1:
+            self._left, self._is_all = _SINGLY - 1, False
+            return False
+        self.came, self._is_all = 0, True
+        return True
+
+
 class Mailbox:
     """The socket of one robot, and the datagrams that wait for it in this process."""
 
@@ -77,23 +110,33 @@ class Mailbox:
         self._most = most_waiting(plan)
         self._waiting: deque[bytes] = deque()
         self._visits: deque[Visit] = deque(maxlen=MOST_VISITS)
+        self._paces: dict[socket.socket, Pace] = {}
         self._dropped = 0  #: here, or by the kernel when the socket was closed
         self._is_closed = False
 
     def drain(self, one: socket.socket) -> None:
-        """Take what has come to a socket, as far as there is room."""
-        for _ in range(self._most - len(self._waiting)):
+        """Take what has come to a socket, as far as there is room.
+
+        Where datagrams come one by one, the rest may be left to the next call.
+        """
+        pace = self._paces.get(one)
+        if pace is None:
+            pace = self._paces[one] = Pace()
+        room = self._most - len(self._waiting)
+        for _ in range(room) if pace.takes_all() else _ONCE[:room]:
             try:
                 datagram, source = one.recvfrom(LONGEST + 1)
             except BlockingIOError:
-                return
+                break
             except OSError:
                 continue  # an ICMP answer to something sent before
+            pace.came += 1
             self.take(datagram, source)
 
     def take(self, datagram: bytes, source: Address) -> None:
         """Take a datagram that has come, if it is not this robot's own."""
-        if is_order(datagram):
+        # What is said in each round is told by its kind alone.
+        if len(datagram) > KIND_AT and datagram[KIND_AT] >= FIRST_ORDER_KIND and is_order(datagram):
             self._visits.append(Visit(datagram, partial(self._answer, source)))
         elif source != self._own:
             if len(self._waiting) < self._most:

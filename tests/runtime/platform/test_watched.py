@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 import koord
 from koord.cli.main import main
@@ -15,7 +16,14 @@ from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import watched
 from koord.runtime.deploy.member import Untimed
-from koord.runtime.deploy.watching import Breach, FleetMonitor, RobotState, continued, joined
+from koord.runtime.deploy.watching import (
+    Breach,
+    FleetMonitor,
+    LastingState,
+    RobotState,
+    continued,
+    joined,
+)
 from koord.runtime.robot import Forwarding, Robot
 from koord.runtime.store import AgreedStore
 from koord.syntax.source import Span
@@ -177,6 +185,12 @@ def _state(made: type[Robot], round_: int, pid: int, k: int) -> RobotState:
     return RobotState.of(robot, round_, AgreedStore(made.SHARED, 2))
 
 
+def _telling(made: type[Robot], round_: int, pid: int, k: int) -> RobotState:
+    """A state that tells of the store as well."""
+    store = AgreedStore(made.SHARED, 2).snapshot()
+    return replace(_state(made, round_, pid, k), shared=store)
+
+
 def _found(monitor: FleetMonitor) -> tuple[Breach, ...]:
     return monitor.breaches.all
 
@@ -192,6 +206,61 @@ def test_a_round_is_looked_at_once_all_have_told() -> None:
     assert (breach.claim, breach.robots, breach.round) == ("invariant Own", (0,), 3)
     monitor.look({0, 1})
     assert _found(monitor) == (breach,)
+
+
+def test_what_lasts_is_told_once_and_judged_in_each_of_its_rounds() -> None:
+    monitor, made = _monitor(own=5)
+    told: list[LastingState] = []
+    for round_, k in enumerate([1, 1, 1, 1, 6, 6, 6, 1]):
+        # The other one tells of the store, in each round.
+        monitor.hear(1, _telling(made, round_, 1, 0))
+        state = replace(_state(made, round_, 0, k), shared=None)
+        if not (told and told[-1].goes_on_with(state)):
+            told.append(LastingState(state))
+    assert [(one.state.round, one.rounds) for one in told] == [(0, 4), (4, 3), (7, 1)]
+    seen: list[int] = []
+    monitor.seen = seen.append
+    for one in told:
+        monitor.hear(0, one.state, one.rounds)
+        monitor.look({0, 1})
+    (breach,) = _found(monitor)
+    assert (breach.robots, breach.round, breach.times) == ((0,), 4, 3)
+    assert seen == list(range(8))
+
+
+def test_what_lasts_is_judged_where_the_store_is_told_first() -> None:
+    monitor, made = _monitor(own=5)
+    monitor.hear(0, replace(_state(made, 3, 0, 6), shared=None), 3)
+    monitor.hear(1, replace(_state(made, 3, 1, 0), shared=None))
+    monitor.hear(1, _telling(made, 4, 1, 0))
+    monitor.hear(1, _telling(made, 5, 1, 0))
+    monitor.look({0, 1})
+    (breach,) = _found(monitor)
+    assert (breach.robots, breach.round, breach.times) == ((0,), 4, 2)
+
+
+def test_what_tells_of_the_store_stands_for_one_round_of_it() -> None:
+    _, made = _monitor(own=5)
+    first = replace(_state(made, 3, 0, 1), shared=(7,))
+    lasting = LastingState(first)
+    assert not lasting.goes_on_with(replace(first, round=5, shared=None))
+    assert not lasting.goes_on_with(replace(first, round=4))
+    assert not lasting.goes_on_with(replace(first, round=4, shared=None, ran=2))
+    assert not lasting.goes_on_with(replace(first, round=4, shared=None, status=1))
+    assert lasting.goes_on_with(replace(first, round=4, shared=None))
+    assert lasting.rounds == 2
+
+
+def test_a_robot_that_is_heard_again_is_judged_again() -> None:
+    monitor, made = _monitor(own=5)
+    monitor.hear(0, _telling(made, 3, 0, 6))
+    monitor.look({0})
+    (breach,) = _found(monitor)
+    monitor.hear(0, _telling(made, 4, 0, 6))
+    monitor.hear(1, replace(_state(made, 4, 1, 6), shared=None))
+    monitor.look({0, 1})
+    assert [(one.robots, one.times) for one in _found(monitor)] == [((0,), 2), ((1,), 1)]
+    assert breach.times == 1
 
 
 def test_nobody_is_accused_of_what_a_lost_robot_may_have() -> None:
