@@ -134,18 +134,22 @@ class Pool(Struct):
     helpers: Helpers | None = None
     _waiting: list[Job[object]] = field(default_factory=list)
     _running: list[Job[object]] = field(default_factory=list)
+    _leaving: list[Job[object]] = field(default_factory=list)  #: which end by themselves
+    _is_entered: bool = False
     _done: int = 0
     _stopped_at: float | None = None
     _told: bool = False
 
     def __enter__(self) -> Pool:
+        self._is_entered = True
         return self
 
     def __exit__(self, *_: object) -> None:
         self._waiting.clear()
-        for job in self._running:
-            _end(job)
-        self._running.clear()
+        for job in list(self._running):
+            self.drop(job)
+        self._is_entered = False
+        self.reap()
 
     def submit(
         self,
@@ -205,8 +209,16 @@ class Pool(Struct):
         self._waiting = [other for other in self._waiting if other is not job]
         if any(other is job for other in self._running):
             self._running = [other for other in self._running if other is not job]
-            _end(job)
+            if job.process is not None:
+                job.process.send_signal(signal.SIGKILL)
+            self._leave(job)
         job.is_done = True
+
+    def reap(self) -> None:
+        """Wait for the ends of all processes that have answered or were ended."""
+        for job in self._leaving:
+            _join(job)
+        self._leaving.clear()
 
     def answer(self, job: Job[T]) -> T | None:
         """Wait for a job's result; None if its process died, as for want of memory, or was ended.
@@ -331,7 +343,23 @@ class Pool(Struct):
             job.lasted_s = time.monotonic() - job.started
         self._running.remove(job)
         self._done += job.counts
-        _join(job)
+        if job.found is None:
+            _join(job)  # how it ended may be asked
+        else:
+            self._leave(job)
+
+    def _leave(self, job: Job[T]) -> None:
+        """Let a process end, which takes some milliseconds: nobody waits for it now.
+
+        Outside a ``with`` nobody would do so later.
+        """
+        if job.process is None or not self._is_entered:
+            _join(job)
+            return
+        _hang_up(job)
+        with FORKING:
+            self._leaving = [other for other in self._leaving if _is_alive(other)]
+        self._leaving.append(job)  # type: ignore[arg-type]
 
     def _end_late(self) -> None:
         """End the processes whose time is over; what they reported counts."""
@@ -394,10 +422,8 @@ def _interrupt(job: Job[object]) -> None:
         job.process.send_signal(signal.SIGINT)
 
 
-def _end(job: Job[T]) -> None:
-    if job.process is not None:
-        job.process.send_signal(signal.SIGKILL)
-    _join(job)
+def _is_alive(job: Job[object]) -> bool:
+    return job.process is not None and job.process.is_alive()
 
 
 def _join(job: Job[T]) -> None:
@@ -406,6 +432,10 @@ def _join(job: Job[T]) -> None:
             job.process.join()
             job.exit_code = job.process.exit_code
         job.process = None
+    _hang_up(job)
+
+
+def _hang_up(job: Job[T]) -> None:
     if job.line is not None:
         job.line.close()
         job.line = None

@@ -727,6 +727,20 @@ VERIFY = (
         ("tests/verify/vacuity/test_few_robots.py",),
     ),
     Mutant(
+        "processes that have answered are left behind",
+        "verify.processes.Pool.__exit__",
+        "self.reap()",
+        "pass",
+        ("tests/verify/test_processes.py",),
+    ),
+    Mutant(
+        "the end of each process that has answered is waited for",
+        "verify.processes.Pool._leave",
+        "not self._is_entered",
+        "True",
+        ("tests/verify/test_processes.py",),
+    ),
+    Mutant(
         "somebody is begun before all that was said is heard",
         "verify.processes.Pool._listen",
         "range(_MOST_AT_ONCE)",

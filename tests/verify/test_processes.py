@@ -13,6 +13,7 @@ from textwrap import dedent
 import pytest
 
 from koord.syntax.diagnostics import KoordError, refusal
+from koord.verify.forked import ForkedProcess
 from koord.verify.job_process import Progress
 from koord.verify.processes import Pool, can_fork
 from tests.children import forked_children
@@ -73,6 +74,28 @@ def test_no_more_processes_than_jobs(tmp_path: Path) -> None:
         assert forked_children() == set()
         assert all(found for _, found in pool.answers(work))
     assert log.read_text().splitlines() == ["a begins", "a ends", "b begins", "b ends"]
+
+
+def test_nobody_waits_for_the_end_of_a_process_that_has_answered_or_was_dropped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """To give its memory back takes some milliseconds. None is left behind in the end."""
+    joined: list[int] = []
+    join = ForkedProcess.join
+
+    def noted(process: ForkedProcess) -> None:
+        joined.append(process.pid)
+        join(process)
+
+    monkeypatch.setattr(ForkedProcess, "join", noted)
+    with Pool(2) as pool:
+        assert pool.answer(pool.submit("", squared(3))) == 9
+        hangs = pool.submit("", lambda tell: signal.pause())
+        pool.drop(hangs)
+        assert joined == []
+        pool.reap()
+        assert joined != []
+        assert forked_children() == set()
 
 
 def test_nobody_does_work_that_was_dropped(tmp_path: Path) -> None:

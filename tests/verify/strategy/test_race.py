@@ -142,6 +142,7 @@ def raced(
         )
         with ledger.stopping():
             turn.work(ledger)
+        pool.reap()
         assert forked_children() == set()  # of the race, before the pool ends what is left
     return ledger
 
@@ -756,6 +757,7 @@ def test_whoever_was_begun_ahead_is_ended_where_there_is_no_race(system: System,
     with Pool(jobs) as pool:
         with Ahead.begun([hangs], ledger, pool).ending(ledger, pool):
             assert len(forked_children()) == jobs - 1
+        pool.reap()
         assert forked_children() == set()
 
 
@@ -803,6 +805,7 @@ def test_what_takes_longer_than_a_glance_goes_on_in_another_process(
         found = pool.answer(begun.job)
         assert found is not None
         ledger.take(found)
+        pool.reap()
         assert forked_children() == set()
     assert set(engines(ledger).values()) == {Engine.EVERY_N}
     (failure,) = ledger.failures
@@ -862,6 +865,7 @@ def test_all_or_nothing_is_taken_at_a_glance(
         begun = Ahead.begun([runner(at_it((steps, names)))], ledger, pool, here=True)
         with begun.ending(ledger, pool):
             assert begun.settles(ledger, something_open) is taken
+        pool.reap()
         assert forked_children() == set()
     assert (set(engines(ledger).values()) == {Engine.EVERY_N}) is taken
     assert bool(ledger.open()) is not taken
