@@ -82,7 +82,7 @@ class Job(Struct, Generic[T], eq=False):
     ``share_until`` is when it is ended if it says nothing else by then: then it ``is_overdue``.
     ``lasted_s`` is for how long its process went on. Where it does not ``count``, progress reports
     say nothing of how many jobs there are. ``why`` it has no answer is known of what was asked
-    elsewhere.
+    elsewhere. It is to ``load`` what other work needs, too, before it has a process.
     """
 
     name: str
@@ -107,6 +107,7 @@ class Job(Struct, Generic[T], eq=False):
     exit_code: int | None = None
     counts: bool = True
     why: str = ""
+    load: Callable[[], object] = lambda: None
 
     def note(self, value: object) -> None:
         """Note what it told of."""
@@ -162,15 +163,20 @@ class Pool(Struct):
         counts: bool = True,
         first: bool = False,
         heard: Callable[[object], None] = lambda value: None,
+        load: Callable[[], object] = lambda: None,
     ) -> Job[T]:
         """Submit work. The caller must not change what the work reads before it is done.
+
+        Before a process is forked for it this one is to ``load`` what other work needs, too.
 
         With ``portable`` helpers, if there are any, do that instead. The answer must be the same.
         What is to be done ``first`` goes before all that waits.
         """
         if not self._running and not self._waiting:
             self._done = 0
-        job: Job[T] = Job(name, work, portable, lasts_s, until, counts=counts, heard=heard)
+        job: Job[T] = Job(
+            name, work, portable, lasts_s, until, counts=counts, heard=heard, load=load
+        )
         self._waiting.insert(0 if first else len(self._waiting), job)  # type: ignore[arg-type]
         if can_fork():
             self._listen(0)
@@ -289,6 +295,7 @@ class Pool(Struct):
                 self._running.append(job)
         working = sum(job.process is not None for job in self._running)
         for job in here[: max(0, most - working)]:
+            job.load()
             self._waiting.remove(job)
             with FORKING:
                 process, receives = fork(partial(do_work, job.work, os.getpid()))

@@ -846,6 +846,20 @@ VERIFY = (
         (CUBES,),
     ),
     Mutant(
+        "what processes need is loaded in each of them",
+        "verify.processes.Pool._fill",
+        "job.load()",
+        "None",
+        ("tests/verify/test_processes.py",),
+    ),
+    Mutant(
+        "engines that race are loaded in each process",
+        "verify.strategy.race._started",
+        "runners[0].load",
+        "lambda: None",
+        (RACES,),
+    ),
+    Mutant(
         "a process that asks is asked as well",
         "verify.processes.Pool.submit",
         "self.jobs - 1",

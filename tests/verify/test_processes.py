@@ -56,6 +56,30 @@ def test_work_starts_with_what_is_known_when_it_is_asked_for(jobs: int) -> None:
     assert known == [0]
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_others_need_is_loaded_here_before_there_is_a_process(jobs: int) -> None:
+    loaded: list[int] = []
+
+    def load() -> None:
+        loaded.append(os.getpid())
+
+    with Pool(jobs) as pool:
+        work = [pool.submit("", lambda tell: list(loaded), load=load) for _ in range(2)]
+        found = [pool.answer(job) for job in work]
+    assert found == [[os.getpid()], [os.getpid()] * 2]
+    assert loaded == [os.getpid()] * 2
+
+
+def test_nothing_is_loaded_for_work_that_was_dropped() -> None:
+    loaded: list[int] = []
+    with Pool(1) as pool:
+        job = pool.submit("", squared(3))
+        dropped = pool.submit("", squared(4), load=lambda: loaded.append(4))
+        pool.drop(dropped)
+        assert pool.answer(job) == 9
+    assert loaded == []
+
+
 def test_no_more_processes_than_jobs(tmp_path: Path) -> None:
     """The one that asks counts unless it waits."""
     log = tmp_path / "log"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from enum import Enum
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Protocol
 
 from msgspec import Struct, field
@@ -82,6 +83,25 @@ class Worker(Protocol):
         """Settle open claims, or record how far they were checked."""
 
 
+#: What else an engine loads when it begins to work.
+_AT_WORK = {
+    Engine.SEARCH: ("koord.verify.engines.explicit.exhaustive", "koord.verify.witness"),
+}
+
+
+def load(engine: Engine, *, of_runs: bool = False) -> None:
+    """Load an engine with what it begins to work with, if it is asked about configurations."""
+    _module(engine, of_runs=of_runs)
+    if not of_runs:
+        for name in _AT_WORK.get(engine, ()):
+            import_module(name)
+
+
+def _module(engine: Engine, *, of_runs: bool) -> ModuleType:
+    file = "liveness_engine" if of_runs else "engine"
+    return import_module(f"koord.verify.engines.{engine.folder}.{file}")
+
+
 class Workers:
     """The engines of one problem, each loaded on first use."""
 
@@ -93,8 +113,7 @@ class Workers:
     def of(self, engine: Engine) -> Worker:
         """The engine of a name."""
         if engine not in self._loaded:
-            file = "liveness_engine" if self.of_runs else "engine"
-            module = import_module(f"koord.verify.engines.{engine.folder}.{file}")
+            module = _module(engine, of_runs=self.of_runs)
             worker: Worker = module.make(engine, self.tools)
             self._loaded[engine] = worker
         return self._loaded[engine]

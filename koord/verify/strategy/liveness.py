@@ -14,7 +14,7 @@ from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind, claims_of, liveness_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.engines.engine import Workers
+from koord.verify.engines.engine import Workers, load
 from koord.verify.job_process import Progress
 from koord.verify.ledger import Extract, Ledger, Reach, reach_of
 from koord.verify.obstacles import VACUITY, Failure, Unreplayed, WholeRuns
@@ -201,7 +201,12 @@ class _Asking(Struct):
         """The turn of engines that race on a slice, each in a process of its own."""
         first, beside = (
             [
-                Runner(_RACES * number + k, each.engine.value, partial(self._apart, part, each))
+                Runner(
+                    _RACES * number + k,
+                    each.engine.value,
+                    partial(self._apart, part, each),
+                    load=partial(load, each.engine, of_runs=True),
+                )
                 for k, each in enumerate(engines, start)
                 if isinstance(each, AskEngine)
             ]

@@ -42,13 +42,14 @@ class Worked(Struct, frozen=True):
 class Runner(Struct, frozen=True):
     """An engine in a race: its number among the steps of the strategy, its name, its turn.
 
-    Where it ``has_answers`` it only has to say them.
+    Where it ``has_answers`` it only has to say them. Others like it need what it is to ``load``.
     """
 
     number: int
     name: str
     turn: Maker
     has_answers: bool = False
+    load: Callable[[], object] = lambda: None
 
 
 class Ahead(Struct, frozen=True):
@@ -382,7 +383,7 @@ def _started(
     until = known.deadline.at_last()
     if here:
         return pool.begin_here("", work, is_long=_Glance().is_over, until=until)
-    return pool.submit("", work, until=until, counts=False, first=first)
+    return pool.submit("", work, until=until, counts=False, first=first, load=runners[0].load)
 
 
 def _asked(

@@ -18,7 +18,7 @@ from koord.verify.bounded_check import Unroller
 from koord.verify.claims import Claim, claims_of, liveness_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.engines.engine import Workers
+from koord.verify.engines.engine import Workers, load
 from koord.verify.helpers import Helpers
 from koord.verify.job_process import Progress, was_interrupted
 from koord.verify.ledger import Ledger, VerificationProblem, reach_of
@@ -586,6 +586,12 @@ def _wanted(ledger: Ledger, names: Collection[str]) -> bool:
     return any(not names or claim.name in names for claim in ledger.open())
 
 
+def _load(row: Row) -> None:
+    """Load what a row's engine needs, which most programs ask again after a race."""
+    if isinstance(row, AskEngine):
+        load(row.engine)
+
+
 def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool, slices: Slices | None) -> None:
     """Search for as many different counterexamples to each claim as were asked for.
 
@@ -723,7 +729,8 @@ class _Asking(Struct, frozen=True):
         for row, number in zip(rows, numbers, strict=False):
             has_answers = isinstance(row, AskEngine) and row.ended
             for turn in self.turns((row,)):
-                yield Runner(number, turn.name, partial(self._apart, row), has_answers)
+                made = partial(self._apart, row)
+                yield Runner(number, turn.name, made, has_answers, partial(_load, row))
 
     def _apart(self, row: Row, steps: Steps) -> AnyTurn:
         """Make the turn of a row for a process of its own, which starts no others."""

@@ -25,7 +25,7 @@ from koord.verify.job_process import JobChannel
 from koord.verify.ledger import Ledger, Reach, VerificationProblem
 from koord.verify.obstacles import Failure
 from koord.verify.processes import Pool, can_fork
-from koord.verify.strategy import race, table
+from koord.verify.strategy import race, table, verification
 from koord.verify.strategy.race import _HEAD_START, Ahead, RaceTurn, Runner
 from koord.verify.strategy.resumption import PastVerification, Steps, StrategyStep
 from koord.verify.strategy.table import (
@@ -154,11 +154,8 @@ def engines(ledger: Ledger) -> dict[str, Engine]:
 EVERYTHING = ("Alone", "Few", "Never", "no fault")
 
 
-@pytest.mark.parametrize("jobs", first(1, [2, 3]))
-def test_reports_are_equal_whatever_the_number_of_processes(
-    system: System, jobs: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Nothing is settled at a glance, so that there is a race for all that is asked."""
+def race_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let nothing be settled at a glance, so that there is a race for all that is asked."""
     work = EngineTurn.work
 
     def late(self: EngineTurn, ledger: Ledger) -> None:
@@ -166,6 +163,13 @@ def test_reports_are_equal_whatever_the_number_of_processes(
             work(self, ledger)
 
     monkeypatch.setattr(EngineTurn, "work", late)
+
+
+@pytest.mark.parametrize("jobs", first(1, [2, 3]))
+def test_reports_are_equal_whatever_the_number_of_processes(
+    system: System, jobs: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    race_for_all(monkeypatch)
     one = timeless(verify(system, Bounds(5), jobs=1))
     assert one == timeless(verify(system, Bounds(5), jobs=jobs))
     outcomes = {verdict.claim.name: verdict.outcome for verdict in one.verdicts}
@@ -1034,3 +1038,15 @@ def test_abc_ends_with_whoever_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPa
             assert pipe.readline() == "begun\n"
             pool.drop(job)
             assert pipe.read() == ""  # it is gone, or this would never end
+
+
+def test_engines_that_race_are_loaded_by_who_starts_them(
+    system: System, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Most are asked again after a race, or about a slice: each process would load them anew."""
+    loaded: list[tuple[int, Engine]] = []
+    monkeypatch.setattr(verification, "load", lambda it: loaded.append((os.getpid(), it)))
+    race_for_all(monkeypatch)
+    verify(system, Bounds(4), jobs=2)
+    assert {pid for pid, _ in loaded} == {os.getpid()}
+    assert Engine.SEARCH in {engine for _, engine in loaded}

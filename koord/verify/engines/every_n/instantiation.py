@@ -373,7 +373,7 @@ class Book(Struct):
 
     def _unfold(self, scheme: Scheme, limit: int) -> None:
         latest = limit if scheme.latest is None else min(limit, scheme.latest)
-        names = [(term, born) for term, born in self._names.values() if born <= latest]
+        names = [(key, *name) for key, name in self._names.items() if name[1] <= latest]
         needed = not scheme.atom or (scheme.atom, True) in self._wanted
         doubted = bool(scheme.atom) and (scheme.atom, False) in self._wanted
         if (needed or doubted) and not scheme.active:
@@ -389,22 +389,27 @@ class Book(Struct):
                 self._raise_doubt(scheme, context, born)
             if not needed:
                 continue
+            # Most is said already: that is seen by keys alone, which names have from the start.
+            outside = self._keys(context)
             for chosen in product(names, repeat=len(scheme.own)):
-                # Two names that are worth little are worth less together.
-                late = max(born, sum(b for _, b in chosen))
-                if late > limit:
+                key = (*outside, *[each[0] for each in chosen])
+                if key in scheme.said:
                     continue
-                here = (*context, *(term for term, _ in chosen))
-                key = tuple(self.unknowns.terms.key(term) for term in here)
-                if key not in scheme.said and self.instances < self.most:
+                # Two names that are worth little are worth less together.
+                late = max(born, sum([each[2] for each in chosen]))
+                if late <= limit and self.instances < self.most:
                     scheme.said.add(key)
-                    self._say(scheme, here, late)
+                    self._say(scheme, (*context, *[each[1] for each in chosen]), late)
         for inner in scheme.inner:
             self._unfold(inner, limit)
 
+    def _keys(self, names: Names) -> tuple[object, ...]:
+        """What some terms are known by."""
+        return tuple([self.unknowns.terms.key(term) for term in names])
+
     def _raise_doubt(self, scheme: Scheme, context: Names, born: int) -> None:
         """Assert that if the statement fails in a context, it fails of a witness."""
-        key = ("doubt", *(self.unknowns.terms.key(term) for term in context))
+        key = ("doubt", *self._keys(context))
         if scheme.witness is None or key in scheme.said:
             return
         scheme.said.add(key)
@@ -414,7 +419,7 @@ class Book(Struct):
         self._add(self.unknowns.terms.put(scheme.doubt, pairs))
         self._put(witness, born + 1)
         here = (*context, witness)
-        key = tuple(self.unknowns.terms.key(term) for term in here)
+        key = self._keys(here)
         if key not in scheme.said:
             scheme.said.add(key)
             self._say(scheme, here, born + 1)
