@@ -40,6 +40,7 @@ class Reseeding:
         bare, self._configuration, _ = configured(request, [])
         self._landmarks = landmarks_of(bare)
         self._unplaced = _unplaced(request, self._first)
+        self._places = places_of_tasks(self._first.scene)
         program = self._first.program.core
         self._compiler = StartCompiler(program)
         self._claims = watched(program, slack_of(self._first))
@@ -73,7 +74,7 @@ class Reseeding:
         except KoordError:
             return None
         program, places = first.program, places_of_tasks(placed)
-        if places != places_of_tasks(first.scene):
+        if places != self._places:
             if self._unplaced is None or len(places) != len(first.scene.world.tasks):
                 return None
             settings = replace(program.settings, tasks=places)

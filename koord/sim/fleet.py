@@ -33,6 +33,8 @@ from koord.sim.squads import (
     Squad,
     TickingSquad,
     is_compiled,
+    is_fused,
+    is_ticking,
     reseed,
     squad,
 )
@@ -103,12 +105,12 @@ class Fleet:
             self._squads.append((made, np.array(members)))
         #: Squads that make several ticks at once, if all do, and none has to wait for another.
         self._ticking: list[tuple[TickingSquad, Ints]] = [
-            (made, numbers) for made, numbers in self._squads if isinstance(made, TickingSquad)
+            (made, numbers) for made, numbers in self._squads if is_ticking(made)
         ]
         if len(self._ticking) < len(self._squads) or _touch(models):
             self._ticking = []
         #: Squads that do it in one call. One that has all robots has the fleet's arrays.
-        self._fused = [made for made, _ in self._ticking if isinstance(made, FusedSquad)]
+        self._fused = [made for made, _ in self._ticking if is_fused(made)]
         self._tilting: tuple[Ints | None, list[tuple[Squad, Ints]]] = None, []
         self._is_one = len(self._fused) == len(self._squads) == 1 and only is None
         #: Whether robots move by machine code, so that what is measured of them may be, too.

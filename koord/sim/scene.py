@@ -286,8 +286,12 @@ def _scattered(
             place = (x, y, ground if flat else float(draw.uniform(low, top)))
             if free.clearance(*place) < _FROM_WALLS_M / 2:
                 continue
-            gap = min((math.dist(place, other) for other in found), default=math.inf)
-            if gap > widest:
+            gap = math.inf
+            for other in found:
+                gap = min(gap, math.dist(place, other))
+                if gap <= widest:  # one that is as far from all was drawn before
+                    break
+            else:
                 best, widest = place, gap
             if gap > clear + _ROUNDING_M:
                 break

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Protocol, TypeAlias, assert_never, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, TypeAlias, TypeGuard, assert_never
 
 import numpy as np
 from msgspec import Struct, field
@@ -162,7 +162,6 @@ class Squad(Protocol):
         ...
 
 
-@runtime_checkable
 class TickingSquad(Squad, Protocol):
     """A squad that can make several ticks, if its vehicles touch none of other squads'."""
 
@@ -174,7 +173,6 @@ class TickingSquad(Squad, Protocol):
         ...
 
 
-@runtime_checkable
 class FusedSquad(TickingSquad, Protocol):
     """A squad that makes several ticks in one call.
 
@@ -188,6 +186,16 @@ class FusedSquad(TickingSquad, Protocol):
     def short_m(self) -> Floats:
         """How far each robot is from where it would count as at the end of its route."""
         ...
+
+
+def is_ticking(squad: Squad) -> TypeGuard[TickingSquad]:
+    """Return whether a squad can make several ticks."""
+    return hasattr(squad, "ticks")
+
+
+def is_fused(squad: TickingSquad) -> TypeGuard[FusedSquad]:
+    """Return whether a squad makes several ticks in one call."""
+    return hasattr(squad, "tilts") and hasattr(squad, "short_m")
 
 
 def squad(
