@@ -1,8 +1,8 @@
-"""Machine code of ticks of fleets of several squads: drones, and cars that nothing is near.
+"""Machine code of ticks of fleets of several squads: drones, and what drives, that nothing is near.
 
 What :meth:`.Fleet.advance_to` does for squads one after the other, in one call a round. It calls
 the machine code that each squad has, and joins what comes of it to arrays of the whole fleet. What
-squads of cars do around it in Python (:meth:`.WheeledSquad.tick`, :meth:`.Floor.advance`,
+squads on the ground do around it in Python (:meth:`.WheeledSquad.tick`, :meth:`.Floor.advance`,
 :class:`.Room`) is written a second time here, in the same order of operations; tests hold the two
 together. *Sure, or in doubt*: where a car has missed its way, or may touch something, it says so,
 and the round is Python's.
@@ -31,9 +31,8 @@ from koord.sim.squads import STEP_S, STEPS
 from koord.sim.stride_kernel import address_of
 from koord.sim.vehicles.compiled import address
 from koord.sim.vehicles.compiled_automata import Table
-from koord.sim.vehicles.compiled_contact import CompiledCars
-from koord.sim.vehicles.compiled_tracking import ARRAYS as TRACKING
-from koord.sim.vehicles.compiled_tracking import WRITTEN, TrackedSquad
+from koord.sim.vehicles.compiled_contact import CompiledWheels
+from koord.sim.vehicles.compiled_legs import DrivenSquad
 from koord.sim.vehicles.contact import GRIP_MPS2
 from koord.sim.vehicles.room import FURTHEST_M, SLACK_M
 
@@ -121,15 +120,15 @@ class DronesPart(_Part):
 
 
 class CarsPart(_Part):
-    """A squad of cars, which has the floor for itself."""
+    """A squad of vehicles on the ground, which has the floor for itself."""
 
     kind = "cars"
 
-    def __init__(self, squad: TrackedSquad, numbers: Ints) -> None:
+    def __init__(self, squad: DrivenSquad, numbers: Ints) -> None:
         super().__init__(squad.group, numbers)
-        assert isinstance(squad.vehicles, CompiledCars)
+        assert isinstance(squad.vehicles, CompiledWheels)
         self.squad, self.cars = squad, squad.vehicles
-        self._table = Table(len(TRACKING))
+        self._table = Table(len(squad.names))
         self._dt: Floats = np.full(1, STEP_S)
         self._shown: Floats = np.empty((len(numbers), 4))
         self._left: Floats = np.zeros(1)
@@ -137,10 +136,10 @@ class CarsPart(_Part):
         self._limits: Floats = np.array([self.cars.floor.radius_m, self.group.visit.epsilon_m])
 
     @staticmethod
-    def fits(squad: TrackedSquad) -> bool:
+    def fits(squad: DrivenSquad) -> bool:
         """Return whether the ticks of a squad can be made so."""
         cars = squad.vehicles
-        is_alone = type(cars) is CompiledCars and cars.floor.is_of(cars)
+        is_alone = isinstance(cars, CompiledWheels) and cars.floor.is_of(cars)
         is_small = squad.group.count <= _MOST_CARS
         return is_alone and is_small and is_undisturbed(squad.disturbances)
 
@@ -151,17 +150,17 @@ class CarsPart(_Part):
     def block(self, now_s: float) -> Ints:
         squad, floor, group = self.squad, self.cars.floor, self.group
         self._left[0], self._phase[0] = floor.room.left_m, squad.phase
-        model = self.cars.own_model()
+        model, steering = self.cars.own_model(), self.cars.steering
         given = squad.arrays(now_s, model.position, model.heading, model.speed)
-        moved = model.position, model.heading, model.speed, floor.bodies, model.steering, self._left
+        moved = model.position, model.heading, model.speed, floor.bodies, steering, self._left
         if self._is_known((*given, *moved)):
             return self._words
-        self.written = (*moved, *(given[TRACKING.index(name)] for name in WRITTEN))
+        self.written = (*moved, *squad.written(given))
         self._table.point_to(0, *given)
         constants, routes, automata = given[0], group.routes, group.automata
         shapes = len(self.numbers), routes.s.shape[1], squad.columns
         of_cars = (
-            *(self._dt, floor.bodies, squad.command, model.steering, self._shown),
+            *(self._dt, floor.bodies, squad.command, steering, self._shown),
             *(model.position, model.heading, model.speed, constants, self._phase),
             *(self._left, floor.room.walls),
         )
@@ -179,8 +178,7 @@ class CarsPart(_Part):
 
     def pass_ticks(self, ticks: int, places: Floats, short: Floats) -> None:
         self.squad.pass_ticks(ticks)
-        self.cars.told(self.squad.command)
-        self.cars.floor.roamed(float(self._left[0]))
+        self.cars.roamed(self.squad.command, float(self._left[0]))
 
 
 class FusedFleet:
@@ -197,7 +195,7 @@ class FusedFleet:
         for squad, numbers in fleet.squads:
             if isinstance(squad, FusedDrones):
                 parts.append(DronesPart(squad, numbers))
-            elif isinstance(squad, TrackedSquad) and CarsPart.fits(squad):
+            elif isinstance(squad, DrivenSquad) and CarsPart.fits(squad):
                 parts.append(CarsPart(squad, numbers))
             else:
                 return None

@@ -21,6 +21,7 @@ from koord.runtime.motion.automaton import Visit
 from koord.runtime.motion.bodies import (
     Body,
     Car,
+    DifferentialDrive,
     Drone,
     Level,
     Pace,
@@ -69,9 +70,9 @@ class DeviceModel(Struct, frozen=True):
 
 
 def is_compiled(model: DeviceModel) -> bool:
-    """Return whether a model's robots move by machine code: drones and cars, with llvmlite."""
+    """Return whether a model's robots move by machine code: with llvmlite all but points do."""
     level = model.level
-    if not isinstance(model.body, Drone | Car):
+    if not isinstance(model.body, Drone | Car | DifferentialDrive):
         return False
     return level is Level.FAST or (level is Level.FULL and is_installed())
 

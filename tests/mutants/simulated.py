@@ -21,6 +21,7 @@ CONTACT = "tests/sim/test_compiled_contact.py"
 ROOM = "tests/sim/test_room.py"
 FLEET = "tests/sim/test_fleet.py"
 PHYSICS = "tests/sim/test_physics.py"
+STRIDES = "tests/sim/test_strides.py"
 TRACKED = "tests/sim/test_compiled_tracking.py"
 PLANNING_TIME = "tests/sim/test_planning_time.py"
 LOADERS = "tests/runtime/test_yaml_loaders.py"
@@ -210,7 +211,7 @@ SIMULATED = (
     ),
     Mutant(
         "machine code lets cars go back along their routes",
-        "sim.vehicles.compiled_tracking._OneCar.decide",
+        "sim.vehicles.compiled_legs.OneDriver.on_its_leg",
         "self._nearest(s).greater(s)",
         "self._nearest(s)",
         (TRACKED,),
@@ -224,14 +225,14 @@ SIMULATED = (
     ),
     Mutant(
         "who has missed the end in machine code waits on",
-        "sim.vehicles.compiled_tracking._OneCar.send",
+        "sim.vehicles.compiled_legs.OneDriver.watch",
         "self.either(missed, zero, waited)",
         "waited",
         (TRACKED,),
     ),
     Mutant(
         "cars that are not steered go on in machine code",
-        "sim.vehicles.compiled_tracking._OneCar.send",
+        "sim.vehicles.compiled_legs.OneDriver.speed_of",
         "self.either(going, speed, slowest.greater(0.0))",
         "speed",
         (TRACKED,),
@@ -256,6 +257,41 @@ SIMULATED = (
         "ahead.lesser(left)",
         "left",
         (TRACKED,),
+    ),
+    Mutant(
+        "machine code lets rovers drive on that are turning on the spot",
+        "sim.vehicles.compiled_turning._OneRover.command",
+        "self.either(is_strict, along, most)",
+        "most",
+        (TRACKED,),
+    ),
+    Mutant(
+        "rovers turn on the spot as quickly as they are asked to in machine code",
+        "sim.vehicles.compiled_turning._OneRover._on_the_spot",
+        "(rate - last).greater(-most).lesser(most)",
+        "(rate - last)",
+        (TRACKED,),
+    ),
+    Mutant(
+        "rovers are steered by machine code to where they point, and not back to their paths",
+        "sim.vehicles.compiled_turning._OneRover._along",
+        "ACROSS * across",
+        "0.0 * across",
+        (TRACKED,),
+    ),
+    Mutant(
+        "machine code takes wheels to stand that turn on the spot",
+        "sim.vehicles.compiled_contact._pushed",
+        "differential.wheels(body, ahead(state), state[5])",
+        "differential.wheels(body, ahead(state), 0.0 * state[5])",
+        (CONTACT,),
+    ),
+    Mutant(
+        "wheels after a stride are those of before",
+        "sim.vehicles.compiled_contact.CompiledWheels.roamed",
+        "self.model.take(self.model.speed, self.floor.state_of(self)[:, 5])",
+        "pass",
+        (STRIDES,),
     ),
     Mutant(
         "squads that drive on one floor do not wait for each other",

@@ -1,4 +1,4 @@
-"""Ticks of squads of cars by machine code: to the last bit what NumPy computes."""
+"""Ticks of squads of cars and rovers by machine code: to the last bit what NumPy computes."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from koord.runtime.motion.automaton import MotionState
-from koord.runtime.motion.bodies import Car, PlannerName, Steering
-from koord.runtime.motion.driving import Driving
+from koord.runtime.motion.bodies import Body, Car, DifferentialDrive, PlannerName, Steering
+from koord.runtime.motion.driving import Driving, Turning
 from koord.runtime.motion.group import TICK_S
 from koord.runtime.motion.planning import PlanningEffort
 from koord.runtime.motion.world import World
 from koord.sim.disturbances import Disturbances, Positioning
 from koord.sim.squads import DeviceModel, Engines, WheeledSquad, squad
 
-tracking = pytest.importorskip("koord.sim.vehicles.compiled_tracking")
+legs = pytest.importorskip("koord.sim.vehicles.compiled_legs")
 
 WORLD = World((-30, -30, 0), (30, 30, 3))
 MOST = 9
@@ -37,17 +37,22 @@ TICKS = st.tuples(
 )
 
 
-#: Both laws.
-LAWS = pytest.mark.parametrize("steering", [Steering.PREDICTIVE, Steering.PURSUIT])
+#: Bodies with a law of motion; of differential drives there is one.
+Law = tuple[Body, PlannerName, Steering]
+LAW = [
+    (Car(), PlannerName.RRT_CAR, Steering.PREDICTIVE),
+    (Car(), PlannerName.RRT_CAR, Steering.PURSUIT),
+    (DifferentialDrive(), PlannerName.RRT_DIFF, Steering.PURSUIT),
+]
+LAWS = pytest.mark.parametrize("law", LAW, ids=["predictive", "pursuit", "differential"])
 
 
-def made(
-    count: int, seed: int, noise_m: float, steering: Steering, *, compiled: bool
-) -> WheeledSquad:
-    """Cars that stand in a row, and some of them the other way round."""
+def made(count: int, seed: int, noise_m: float, law: Law, *, compiled: bool) -> WheeledSquad:
+    """Robots that stand in a row, and some of them the other way round."""
+    body, planner, steering = law
     model = DeviceModel(
-        Car(),
-        PlannerName.RRT_CAR,
+        body,
+        planner,
         steering=steering,
         disturbances=Disturbances(Positioning(noise_m, noise_m / 5)),
         effort=PlanningEffort(),
@@ -56,10 +61,11 @@ def made(
     start[:, 1] = 2.5 * np.arange(count) - 10
     heading = np.random.default_rng(seed).uniform(-3, 3, count)
     seeds = np.random.SeedSequence(seed).spawn(count)
-    with patch("koord.sim.vehicles.cars.is_installed", lambda: compiled):
+    of = "cars" if isinstance(body, Car) else "differential"
+    with patch(f"koord.sim.vehicles.{of}.is_installed", lambda: compiled):
         found = squad(model, start, heading, seeds, Engines(WORLD))
     assert isinstance(found, WheeledSquad)
-    assert isinstance(found, tracking.TrackedSquad) == compiled
+    assert isinstance(found, legs.DrivenSquad) == compiled
     return found
 
 
@@ -84,7 +90,13 @@ def order(of: WheeledSquad, robot: int, what: str, where: Any) -> None:
 
 def seen(of: WheeledSquad) -> dict[str, NDArray[Any]]:
     group, law = of.group, of.tracker
-    assert isinstance(law, Driving)
+    if isinstance(law, Turning):
+        kept = {"pace": law.speed, "turn": law.turn, "turns": law.turns}
+    else:
+        assert isinstance(law, Driving)
+        kept = {"inputs": law.inputs}
+        if law.controller is not None:
+            kept["kept"] = law.controller.kept
     automata, (position, heading) = group.automata, of.truth()
     return {
         "position": position,
@@ -94,8 +106,8 @@ def seen(of: WheeledSquad) -> dict[str, NDArray[Any]]:
         "wanted": group.speed,
         "way": law.legs.way,
         "waited": law.legs.waited,
-        "inputs": law.inputs,
-        "kept": np.zeros(0) if law.controller is None else law.controller.kept,
+        "command": of._command,
+        **kept,
         "state": automata.state,
         "since_s": automata.since_s,
         "reached": automata.reached,
@@ -122,16 +134,16 @@ def agree(one: WheeledSquad, other: WheeledSquad, now_s: float) -> None:
     st.lists(TICKS, min_size=1, max_size=6),
     st.integers(0, 99),
     st.sampled_from([0.0, 0.01, 0.1]),
-    st.sampled_from(Steering),
+    st.sampled_from(LAW),
 )
 def test_whatever_is_ordered_both_drive_the_same(
     count: int,
     ticks: list[tuple[list[tuple[int, tuple[str, Any]]], int]],
     seed: int,
     noise: float,
-    steering: Steering,
+    law: Law,
 ) -> None:
-    one, other = (made(count, seed, noise, steering, compiled=on) for on in (False, True))
+    one, other = (made(count, seed, noise, law, compiled=on) for on in (False, True))
     tick = 0
     for orders, times in ticks:
         for robot, (what, where) in orders:
@@ -143,9 +155,9 @@ def test_whatever_is_ordered_both_drive_the_same(
 
 
 @LAWS
-def test_routes_are_driven_to_their_ends(steering: Steering) -> None:
-    """There and back, with wheels that are turned first, a hold, and a pause."""
-    one, other = (made(3, 5, 0.0, steering, compiled=compiled) for compiled in (False, True))
+def test_routes_are_driven_to_their_ends(law: Law) -> None:
+    """There and back, with wheels or robots that are turned first, a hold, and a pause."""
+    one, other = (made(3, 5, 0.0, law, compiled=compiled) for compiled in (False, True))
     for of in (one, other):
         order(of, 0, "go_to", (1.5, 1.0, 0.0))
         order(of, 1, "curve", (1.0, 1.0))
@@ -165,25 +177,28 @@ def test_routes_are_driven_to_their_ends(steering: Steering) -> None:
                 order(of, 1, "hold" if tick == 30 else "release", None)
         before = other.truth()[0].copy()
         agree(one, other, tick * TICK_S)
-        law = other.tracker
-        assert isinstance(law, Driving)
-        ways |= set(law.legs.way.tolist())
+        own = other.tracker
+        ways |= set(own.legs.way.tolist())
         rests = np.abs(other.truth()[0] - before).max(1) < 1e-9
-        turned_at_rest |= bool((rests & (np.abs(law.inputs[:, 1]) > 0.1)).any())
+        if isinstance(own, Turning):
+            turned_at_rest |= bool((rests & own.turns & (np.abs(own.turn) > 0.1)).any())
+        else:
+            assert isinstance(own, Driving)
+            turned_at_rest |= bool((rests & (np.abs(own.inputs[:, 1]) > 0.1)).any())
         state = other.group.state(1)
         if not states or states[-1] is not state:
             states.append(state)
     assert states[:4] == [
         *(MotionState.MOVING, MotionState.HOLDING, MotionState.MOVING, MotionState.IDLE),
     ]
-    assert ways == {-1.0, 1.0}
+    assert ways == ({-1.0, 1.0} if isinstance(law[0], Car) else {1.0})
     assert turned_at_rest
     assert other.group.automata.reached.all()
 
 
 @LAWS
-def test_who_stands_at_the_end_and_is_not_there_finds_another_way(steering: Steering) -> None:
-    one, other = (made(1, 5, 0.0, steering, compiled=compiled) for compiled in (False, True))
+def test_who_stands_at_the_end_and_is_not_there_finds_another_way(law: Law) -> None:
+    one, other = (made(1, 5, 0.0, law, compiled=compiled) for compiled in (False, True))
     for of in (one, other):
         order(of, 0, "follow", [(0.0, 0.0, 0.0), (0.02, 0.0, 0.0)])
     asked = 0
@@ -199,8 +214,8 @@ def test_who_stands_at_the_end_and_is_not_there_finds_another_way(steering: Stee
 
 @pytest.mark.parametrize("odd", [np.nan, np.inf, 1e200])
 @LAWS
-def test_odd_measurements_are_no_difference(odd: float, steering: Steering) -> None:
-    one, other = (made(3, 5, 0.0, steering, compiled=compiled) for compiled in (False, True))
+def test_odd_measurements_are_no_difference(odd: float, law: Law) -> None:
+    one, other = (made(3, 5, 0.0, law, compiled=compiled) for compiled in (False, True))
     for of in (one, other):
         for robot in range(3):
             order(of, robot, "curve", (1.0, 1.0))

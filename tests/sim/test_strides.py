@@ -15,12 +15,12 @@ from koord.api.fitting import FitRequest, Fitted, fit
 from koord.api.sim_setup import simulation
 from koord.runtime.columns.engine import ColumnEngine
 from koord.runtime.configuration.checking import load
-from koord.runtime.motion.driving import Driving
 from koord.runtime.proposals import Decision
 from koord.sim.running import Ending, Simulation, Striding, run
 from koord.sim.strides import Strides
-from koord.sim.vehicles.compiled_contact import CompiledCars
-from koord.sim.vehicles.compiled_tracking import TrackedSquad
+from koord.sim.vehicles.compiled_contact import CompiledWheels
+from koord.sim.vehicles.compiled_legs import DrivenSquad
+from koord.sim.vehicles.differential import Differentials
 from koord.sim.vehicles.room import Room
 from koord.syntax.source import Source
 from tests.runtime.column_twins import check_columns
@@ -140,15 +140,14 @@ def _states(made: Simulation) -> Iterator[np.ndarray]:
         group, automata = squad.group, squad.group.automata
         yield from (group.s, group.speed, squad.attitude(), *squad.truth(), made.fleet.tilts(ALL))
         yield from (automata.state, automata.since_s, automata.reached, automata.has_route)
-        if isinstance(squad, TrackedSquad):
-            assert isinstance(squad.vehicles, CompiledCars)
+        if isinstance(squad, DrivenSquad):
+            assert isinstance(squad.vehicles, CompiledWheels)
             cars, law = squad.vehicles, squad.tracker
-            assert isinstance(law, Driving)
             model, floor = cars.own_model(), cars.floor
-            yield from (model.speed, model.steering, floor.bodies, np.array([floor.room.left_m]))
-            yield from (squad.command, law.inputs, law.legs.way, law.legs.waited)
-            if law.controller is not None:
-                yield law.controller.kept
+            yield from (model.speed, cars.steering, floor.bodies, np.array([floor.room.left_m]))
+            yield from (squad.command, *squad.own(), law.legs.way, law.legs.waited)
+            if isinstance(model, Differentials):
+                yield model.wheels
             yield np.array([squad.phase])
     yield from (watchman.lingering.at, watchman.lingering.since_s, made.gauge.going.last)
     yield from (made.host.sensed.position, made.host.sensed.short_m, made.host.sensed.state)
@@ -170,6 +169,7 @@ def of_cars(count: int, kinds: str = "car quad", more: str = "", **words: str) -
     lines += ["    quick: {bot_type: CAR, planner: RRT_CAR, simulation: {steering: PURSUIT}}"]
     lines += ["    keen: {bot_type: CAR, planner: RRT_CAR, simulation: {visit: {epsilon: 0.004}}}"]
     lines += ["    wide: {bot_type: CAR, planner: RRT_CAR, simulation: {planning: {takes: 0.05}}}"]
+    lines += ["    rover: {bot_type: DIFF, planner: STRAIGHT}"]
     lines += ["    calm: {bot_type: QUAD, planner: STRAIGHT, simulation: {visit: {epsilon: 0.1}}}"]
     lines += ["    quad: {bot_type: QUAD, planner: STRAIGHT}", "agents:"]
     for k in range(count):
@@ -213,6 +213,14 @@ def test_cars_in_pursuit_stride_too() -> None:
     """Their law acts at each tick, and not at each second."""
     _, strides = both(of_cars(5, "quick quad", LEG="(1.5 + 0.2 * pid)"), 12.0)
     assert strides >= 60
+
+
+@pytest.mark.parametrize("kinds", ["rover quad", "rover"], ids=["mixed", "alone"])
+def test_robots_on_two_wheels_stride_too(kinds: str) -> None:
+    """Those turn on the spot first; poses hang on where their wheels are, and on nothing else."""
+    made, strides = both(of_cars(5, kinds, LEG="(1.5 + 0.2 * pid)"), 16.0)
+    assert strides >= 60
+    assert made.figures().robots[0].events > 2
 
 
 def test_cars_that_may_touch_something_do_not_stride(monkeypatch: pytest.MonkeyPatch) -> None:

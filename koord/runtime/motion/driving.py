@@ -18,7 +18,6 @@ from koord.runtime.motion import automaton, pursuit
 from koord.runtime.motion.angles import sine_cosine, unwound
 from koord.runtime.motion.arrays import Bools, Floats, Ints, bounded
 from koord.runtime.motion.bodies import Car, DifferentialDrive, Steering
-from koord.runtime.motion.geometry import wrapped
 from koord.runtime.motion.group import Group
 from koord.runtime.motion.predictive import Predictive
 from koord.runtime.motion.pursuit import Course, Horizon
@@ -218,10 +217,13 @@ class Driving:
 
 
 #: The gains k_y (per m²) and k_θ (per m).
-_ACROSS, _HEADING = 16.0, 8.0
+ACROSS, HEADING = 16.0, 8.0
 
 #: Who points this far aside of its path turns on the spot, until it is no further aside than that.
-_ASIDE_RAD, _ALONG_RAD = 0.5, 0.03
+ASIDE_RAD, ALONG_RAD = 0.5, 0.03
+
+#: Wheels that are slower stand, as far as their limits are concerned.
+SLOWEST_MPS = 1e-9
 
 
 class Turning:
@@ -231,9 +233,9 @@ class Turning:
         assert isinstance(group.body, DifferentialDrive)
         self.group, self.body = group, group.body
         self.legs = Legs(group, group.body.wheel_accel_mps2)
-        self._speed: Floats = np.zeros(group.count)  #: that was commanded last
-        self._turn: Floats = np.zeros(group.count)
-        self._turns: Bools = np.zeros(group.count, np.bool_)
+        self.speed: Floats = np.zeros(group.count)  #: that was commanded last
+        self.turn: Floats = np.zeros(group.count)  #: the rate of turning that was
+        self.turns: Bools = np.zeros(group.count, np.bool_)  #: who turns on the spot
 
     def command(self, measured: Measured, dt_s: float) -> Floats:
         """The speeds of the wheels for the next step, in m/s, shape ``(n, 2)``, left ones first."""
@@ -245,27 +247,26 @@ class Turning:
         if len(robots):
             robots, k, left = self.legs.advance(robots, measured)
             going[robots] = True
-            aside = wrapped(
+            aside = unwound(
                 group.routes.at(robots, group.s[robots], k).course_rad
                 - measured.heading_rad[robots]
             )
-            begins = stands(measured, robots) & (self._speed[robots] == 0)
-            limit = np.where(self._turns[robots] | begins, _ALONG_RAD, _ASIDE_RAD)
+            begins = stands(measured, robots) & (self.speed[robots] == 0)
+            limit = np.where(self.turns[robots] | begins, ALONG_RAD, ASIDE_RAD)
             turns[robots] = np.abs(aside) > limit
             turn[robots] = self._on_the_spot(robots, aside, dt_s)
             drives = ~turns[robots]
             robots, k, left, aside = robots[drives], k[drives], left[drives], aside[drives]
-            speed[robots] = self.legs.pace(robots, self._speed[robots], left, dt_s)
+            speed[robots] = self.legs.pace(robots, self.speed[robots], left, dt_s)
             turn[robots] = self._along(robots, k, aside, speed[robots], measured)
         self.legs.watch(wanted, going, dt_s)
         speed = self.legs.speeds(going & ~turns, speed, measured, dt_s)
-        self._turns = turns
         half = self.body.track_m / 2
         # Where a wheel would have to be too quick both are slower: the bend stays what it is.
-        share = self.body.wheel_mps / np.maximum(np.abs(speed) + half * np.abs(turn), 1e-9)
+        share = self.body.wheel_mps / np.maximum(np.abs(speed) + half * np.abs(turn), SLOWEST_MPS)
         share = np.minimum(share, 1.0)
-        self._speed, self._turn = share * speed, share * turn
-        return np.column_stack([self._speed - half * self._turn, self._speed + half * self._turn])
+        self.turns, self.speed, self.turn = turns, share * speed, share * turn
+        return np.column_stack([self.speed - half * self.turn, self.speed + half * self.turn])
 
     def _on_the_spot(self, robots: Ints, aside: Floats, dt_s: float) -> Floats:
         """Rates in rad/s of turning on the spot to the path, so that the wheels can stop there."""
@@ -273,7 +274,7 @@ class Turning:
         accel = body.wheel_accel_mps2 / body.track_m  # half of what the wheels can do
         rate = np.minimum(np.sqrt(2 * accel * np.abs(aside)), np.abs(aside) / dt_s)
         rate = np.copysign(np.minimum(rate, body.cruise_turn_radps), aside)
-        last = self._turn[robots]
+        last = self.turn[robots]
         return last + bounded(rate - last, -2 * accel * dt_s, 2 * accel * dt_s)
 
     def _along(
@@ -282,6 +283,7 @@ class Turning:
         """Rates in rad/s of turning that follow the path."""
         spot = self.group.routes.at(robots, self.group.s[robots], k)
         gap = spot.position[:, :2] - measured.position[robots, :2]
-        across = np.cos(spot.course_rad) * gap[:, 1] - np.sin(spot.course_rad) * gap[:, 0]
-        bend = spot.curvature + _ACROSS * across + _HEADING * np.sin(aside)
+        sine, cosine = sine_cosine(spot.course_rad)
+        across = cosine * gap[:, 1] - sine * gap[:, 0]
+        bend = spot.curvature + ACROSS * across + HEADING * sine_cosine(aside)[0]
         return bounded(speed * bend, -self.body.cruise_turn_radps, self.body.cruise_turn_radps)

@@ -1,13 +1,14 @@
 """Machine code of what engines and tyres do in contact: many vehicles side by side.
 
-It is the text of :mod:`.contact` and :mod:`.cars`, on lanes instead of arrays; so forces are equal
-to the last bit, and which of the two drives is no matter of a run. Tests hold them together. Bodies
-lie one after the other, as pymunk has them: lanes are gathered from there. Those that are left over
-are once more the last vehicle.
+It is the text of :mod:`.contact`, :mod:`.bicycles` and :mod:`.differential`, on lanes instead of
+arrays; so forces are equal to the last bit, and which of the two drives is no matter of a run.
+Tests hold them together. Bodies lie one after the other, as pymunk has them: lanes are gathered
+from there. Those that are left over are once more the last vehicle.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -15,11 +16,13 @@ from functools import cache
 import numpy as np
 
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.bodies import Car, DifferentialDrive
 from koord.runtime.motion.libraries import missing
-from koord.sim.vehicles.bicycles import Bicycles, actuated, bends
+from koord.sim.vehicles import bicycles, differential
+from koord.sim.vehicles.bicycles import Bicycles
 from koord.sim.vehicles.compiled import address
 from koord.sim.vehicles.contact import Colliding, Floor, ahead, axle, moved, tyres
+from koord.sim.vehicles.differential import Differentials
 from koord.sim.vehicles.wheels import Hull, Rolling
 
 try:
@@ -68,39 +71,64 @@ class CompiledColliding(Colliding):
         _puller(self.hull, _width())(*map(address, arrays), len(state))
 
 
-class CompiledCars(CompiledColliding):
-    """Cars, whose engine and steering are in the same machine code as their tyres."""
+class CompiledWheels(CompiledColliding, ABC):
+    """Vehicles whose engines are in the same machine code as their tyres."""
 
-    def __init__(self, model: Rolling, hull: Hull, floor: Floor) -> None:
+    def __init__(
+        self, model: Rolling, hull: Hull, floor: Floor, body: Car | DifferentialDrive
+    ) -> None:
         super().__init__(model, hull, floor)
-        assert isinstance(model, Bicycles)
-        self._cars = model
-        self.code = _roamer(model.car, hull, _width())  #: of steps that nothing touches
+        self.code = _roamer(body, hull, _width())  #: of steps that nothing touches
         self.floor = floor
-        self._own: tuple[Floats, ...] = tuple(np.empty(len(model.heading)) for _ in range(3))
+        self._own: tuple[Floats, ...] = tuple(np.empty(len(model.heading)) for _ in range(2))
 
-    def own_model(self) -> Bicycles:
-        """The model, with headings, speeds and steering in arrays that stay, to be written over."""
-        cars = self._cars
-        now = cars.heading, cars.speed, cars.steering
-        for own, given in zip(self._own, now, strict=True):
+    @property
+    @abstractmethod
+    def steering(self) -> Floats:
+        """What is kept of vehicles beside their bodies, shape ``(n,)``, to be written over."""
+
+    def own_model(self) -> Rolling:
+        """The model, with headings and speeds in arrays that stay, to be written over."""
+        model = self.model
+        for own, given in zip(self._own, (model.heading, model.speed), strict=True):
             if own is not given:
                 own[:] = given
-        cars.heading, cars.speed, cars.steering = self._own
-        return cars
+        model.heading, model.speed = self._own
+        return model
 
-    def told(self, command: Floats) -> None:
-        """Note what cars were commanded last."""
+    def roamed(self, command: Floats, left_m: float) -> None:
+        """Note steps that nothing touched and that machine code has made.
+
+        Vehicles were commanded so last, and may still move so far without a look.
+        """
         self._command = command
+        self.model.take(self.model.speed, self.floor.state_of(self)[:, 5])
+        self.floor.roamed(left_m)
 
     def roam(self, state: Floats, dt_s: float, steps: int) -> None:
-        cars = self._cars
         self._dt[0] = dt_s
         command = np.ascontiguousarray(self._command)
-        cars.steering, shown = cars.steering.copy(), np.empty((len(state), _SHOWN))
-        arrays = (self._dt, state, command, cars.steering, shown)
+        shown = np.empty((len(state), _SHOWN))
+        arrays = (self._dt, state, command, self.steering, shown)
         self.code(*map(address, arrays), len(state), steps)
         self._see(shown, state)
+
+
+class CompiledCars(CompiledWheels):
+    """Cars, whose steering angles are kept."""
+
+    def __init__(self, model: Bicycles, hull: Hull, floor: Floor) -> None:
+        super().__init__(model, hull, floor, model.car)
+        self._cars = model
+        self._steering: Floats = model.steering.copy()
+
+    @property
+    def steering(self) -> Floats:
+        cars = self._cars
+        if cars.steering is not self._steering:
+            self._steering[:] = cars.steering
+            cars.steering = self._steering
+        return self._steering
 
     def push(self, state: Floats, force: Floats, dt_s: float) -> None:
         cars = self._cars
@@ -112,10 +140,25 @@ class CompiledCars(CompiledColliding):
         _pusher(cars.car, self.hull, _width())(*map(address, arrays), len(state))
 
 
+class CompiledRovers(CompiledWheels):
+    """Differential drives; how fast their wheels are is known of how their bodies move."""
+
+    def __init__(self, model: Differentials, hull: Hull, floor: Floor) -> None:
+        super().__init__(model, hull, floor, model.body)
+        self._nothing: Floats = np.zeros(len(model.heading))
+
+    @property
+    def steering(self) -> Floats:
+        return self._nothing
+
+
 def compiled(model: Rolling, hull: Hull, floor: Floor) -> CompiledColliding:
     """Vehicles of a model, with as much of it in machine code as there is."""
-    kind = CompiledCars if isinstance(model, Bicycles) else CompiledColliding
-    return kind(model, hull, floor)
+    if isinstance(model, Bicycles):
+        return CompiledCars(model, hull, floor)
+    if isinstance(model, Differentials):
+        return CompiledRovers(model, hull, floor)
+    return CompiledColliding(model, hull, floor)
 
 
 # What is for contact is compiled when it is used: mostly nobody touches anything.
@@ -150,47 +193,58 @@ def _pushing(car: Car, hull: Hull, width: int) -> Ir:
 
 
 @cache
-def _roamer(car: Car, hull: Hull, width: int) -> Callable[..., int]:
-    """Compile steps that nothing touches, of ``width`` cars at a time.
+def _roamer(body: Car | DifferentialDrive, hull: Hull, width: int) -> Callable[..., int]:
+    """Compile steps that nothing touches, of ``width`` vehicles at a time.
 
     The function takes the addresses of the time of a step, of states, ``(n, 6)``, commands,
-    ``(n, 2)``, and steering angles, and of what cars look like then, ``(n, 4)``; n, and the number
-    of steps. It replaces states and steering angles.
+    ``(n, 2)``, and what else is kept of each (of cars their steering angles), and of what vehicles
+    look like then, ``(n, 4)``; n, and the number of steps. It replaces states and what is kept.
     """
-    code = kept("roaming", (car, hull, width), lambda: _roaming(car, hull, width))
+    code = kept("roaming", (body, hull, width), lambda: _roaming(body, hull, width))
     return code.function("roam", 7)
 
 
-def _roaming(car: Car, hull: Hull, width: int) -> Ir:
+def _roaming(body: Car | DifferentialDrive, hull: Hull, width: int) -> Ir:
     module = new_module("roaming")
     code = Code(module, "roam", [BYTES] * 5 + [I64] * 2, I64)
-    dt_at, state_at, command_at, steering_at, shown_at, count, steps = code.arguments
+    dt_at, state_at, command_at, kept_at, shown_at, count, steps = code.arguments
     lanes = Lanes(code, width)
     dt_s = lanes.spread(code.get(dt_at, 0, F64))
     with _blocks(code, count, width) as block:
         command = block.get(command_at, _COMMAND)
 
         def step(values: list[Ir]) -> list[Ir]:
-            *state, steering = (Lane(lanes, value) for value in values)
-            _, steering, forces = _pushed(car, hull, dt_s, state, command, steering)
-            return [value.ir for value in (*moved(hull, dt_s, state, forces), steering)]
+            *state, kept_one = (Lane(lanes, value) for value in values)
+            _, kept_one, forces = _pushed(body, hull, dt_s, state, command, kept_one)
+            return [value.ir for value in (*moved(hull, dt_s, state, forces), kept_one)]
 
-        begun = [*block.get(state_at, _BODY), *block.get(steering_at, 1)]
+        begun = [*block.get(state_at, _BODY), *block.get(kept_at, 1)]
         ended = code.repeated(steps, [value.ir for value in begun], step)
-        *state, steering = (Lane(lanes, value) for value in ended)
+        *state, kept_one = (Lane(lanes, value) for value in ended)
         block.put(state_at, state)
-        block.put(steering_at, [steering])
+        block.put(kept_at, [kept_one])
         block.put(shown_at, [*axle(hull, state), ahead(state)])
     code.b.ret(word(0))
     return module
 
 
 def _pushed(
-    car: Car, hull: Hull, dt_s: Lane, state: list[Lane], command: list[Lane], steering: Lane
+    body: Car | DifferentialDrive,
+    hull: Hull,
+    dt_s: Lane,
+    state: list[Lane],
+    command: list[Lane],
+    kept_one: Lane,
 ) -> tuple[Lane, Lane, tuple[Lane, Lane, Lane]]:
-    """Speeds and steering angles under commands, and the forces of engine and tyres."""
-    speed, steering = actuated(car, dt_s, command, ahead(state), steering)
-    return speed, steering, tyres(hull, dt_s, state, speed, bends(car, speed, steering))
+    """Speeds and what is kept under commands, and the forces of engine and tyres."""
+    if isinstance(body, Car):
+        speed, kept_one = bicycles.actuated(body, dt_s, command, ahead(state), kept_one)
+        turn = bicycles.bends(body, speed, kept_one)
+    else:
+        wheels = differential.wheels(body, ahead(state), state[5])
+        wheels = differential.actuated(body, dt_s, command, wheels)
+        speed, turn = differential.speed_and_turn(body, wheels)
+    return speed, kept_one, tyres(hull, dt_s, state, speed, turn)
 
 
 @cache

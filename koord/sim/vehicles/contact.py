@@ -109,6 +109,10 @@ class Floor:
         """Return whether all bodies are those of some vehicles."""
         return [members for members, _ in self._parts] == [vehicles]
 
+    def state_of(self, vehicles: Colliding) -> Floats:
+        """The states of some vehicles' bodies, shape ``(n, 6)``."""
+        return next(state for members, state in self._views if members is vehicles)
+
     def roamed(self, left_m: float) -> None:
         """Note steps that nothing touched, and how far vehicles may still move without a look."""
         self.room.left_m, self._is_behind = left_m, True

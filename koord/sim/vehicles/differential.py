@@ -7,11 +7,14 @@ wheels follow what is commanded with limited acceleration.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 
-from koord.runtime.motion.arrays import Floats, bounded
+from koord.machine import is_installed
+from koord.runtime.motion.angles import Numbers, greater, lesser
+from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import DifferentialDrive
 from koord.runtime.motion.driving import Turning
 from koord.runtime.motion.world import Point
@@ -26,6 +29,10 @@ _BALL_M, _BALL_AT = 0.03, 0.7
 def squad(setup: SquadSetup) -> WheeledSquad:
     """Make a squad of differential drives at rest."""
     law = tracker(setup, lambda: Turning(setup.group))
+    if isinstance(law, Turning) and is_installed():
+        from koord.sim.vehicles.compiled_turning import TurningSquad
+
+        return TurningSquad(setup, vehicles(setup), law)
     return WheeledSquad(setup, vehicles(setup), law)
 
 
@@ -50,18 +57,17 @@ class Differentials(Rolling):
         self.wheels: Floats = np.zeros((len(start), 2))  #: speeds, left ones first
 
     def take(self, speed: Floats, turn: Floats) -> None:
-        aside = turn * self.body.track_m / 2
-        self.wheels = np.column_stack([speed - aside, speed + aside])
+        self.wheels = np.column_stack(wheels(self.body, speed, turn))
         self.speed = speed
 
     def actuate(self, command: Floats, dt_s: float) -> None:
-        body, most = self.body, self.body.wheel_accel_mps2 * dt_s
-        wanted = bounded(command, -body.wheel_mps, body.wheel_mps)
-        self.wheels = self.wheels + bounded(wanted - self.wheels, -most, most)
-        self.speed = (self.wheels[:, 0] + self.wheels[:, 1]) / 2
+        self.wheels = np.column_stack(
+            actuated(self.body, dt_s, list(command.T), list(self.wheels.T))
+        )
+        self.speed, _ = speed_and_turn(self.body, list(self.wheels.T))
 
     def turning(self) -> Floats:
-        rate: Floats = (self.wheels[:, 1] - self.wheels[:, 0]) / self.body.track_m
+        rate: Floats = speed_and_turn(self.body, list(self.wheels.T))[1]
         return rate
 
     def described(self, name: str, at: Point, heading_rad: float) -> mjcf.Described:
@@ -83,3 +89,30 @@ class Differentials(Rolling):
         """The rates at which the wheels turn."""
         rates: Floats = self.wheels / mjcf.WHEEL_M
         return rates
+
+
+# Of arrays, or of lanes of machine code, the same to the last bit; left wheels come first.
+
+
+def wheels(body: DifferentialDrive, speed: Numbers, turn: Numbers) -> list[Numbers]:
+    """The speeds of wheels at a speed of the middle of the axle, and a rate of turning."""
+    aside = turn * body.track_m / 2
+    return [speed - aside, speed + aside]
+
+
+def actuated(
+    body: DifferentialDrive, dt_s: Numbers, command: Sequence[Numbers], now: Sequence[Numbers]
+) -> list[Numbers]:
+    """The speeds of wheels after a step, as near to commands as their acceleration allows."""
+    most = body.wheel_accel_mps2 * dt_s
+    found = []
+    for told, speed in zip(command, now, strict=True):
+        wanted = lesser(greater(told, -body.wheel_mps), body.wheel_mps)
+        found.append(speed + lesser(greater(wanted - speed, -most), most))
+    return found
+
+
+def speed_and_turn(body: DifferentialDrive, now: Sequence[Numbers]) -> tuple[Numbers, Numbers]:
+    """The speed of the middle of the axle, and the rate of turning in rad/s."""
+    left, right = now
+    return (left + right) / 2, (right - left) / body.track_m
