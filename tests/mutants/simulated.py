@@ -282,8 +282,8 @@ SIMULATED = (
     Mutant(
         "machine code takes wheels to stand that turn on the spot",
         "sim.vehicles.compiled_contact._pushed",
-        "differential.wheels(body, ahead(state), state[5])",
-        "differential.wheels(body, ahead(state), 0.0 * state[5])",
+        "rovers.wheels(body, ahead(state), state[5])",
+        "rovers.wheels(body, ahead(state), 0.0 * state[5])",
         (CONTACT,),
     ),
     Mutant(

@@ -12,7 +12,7 @@ from koord.runtime.motion.bodies import Car, DifferentialDrive
 from koord.runtime.motion.world import Box, World
 from koord.sim.vehicles.bicycles import Bicycles
 from koord.sim.vehicles.contact import Colliding, Floor
-from koord.sim.vehicles.differential import Differentials
+from koord.sim.vehicles.rovers import Differentials
 from koord.sim.vehicles.wheels import Hull, Rolling
 from tests.sampling import first
 

@@ -19,7 +19,7 @@ from koord.runtime.motion.world import Disc, Point, World
 from koord.sim.fleet import Fleet, Placed
 from koord.sim.squads import DeviceModel, Wheeled, WheeledSquad
 from koord.sim.vehicles.contact import Colliding, Floor
-from koord.sim.vehicles.differential import Differentials
+from koord.sim.vehicles.rovers import Differentials
 from koord.sim.vehicles.wheels import Hull
 from tests.runtime.motion.worlds import CLUTTERED
 

@@ -14,8 +14,8 @@ from koord.runtime.motion.world import Box, World
 from koord.sim.vehicles import contact
 from koord.sim.vehicles.bicycles import Bicycles
 from koord.sim.vehicles.contact import Colliding, Floor
-from koord.sim.vehicles.differential import Differentials
 from koord.sim.vehicles.room import Room, room_m
+from koord.sim.vehicles.rovers import Differentials
 from koord.sim.vehicles.wheels import Hull
 from tests.sampling import first
 

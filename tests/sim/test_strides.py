@@ -20,8 +20,8 @@ from koord.sim.running import Ending, Simulation, Striding, run
 from koord.sim.strides import Strides
 from koord.sim.vehicles.compiled_contact import CompiledWheels
 from koord.sim.vehicles.compiled_legs import DrivenSquad
-from koord.sim.vehicles.differential import Differentials
 from koord.sim.vehicles.room import Room
+from koord.sim.vehicles.rovers import Differentials
 from koord.syntax.source import Source
 from tests.runtime.column_twins import check_columns
 from tests.sampling import first

@@ -1,6 +1,6 @@
 """Machine code of what engines and tyres do in contact: many vehicles side by side.
 
-It is the text of :mod:`.contact`, :mod:`.bicycles` and :mod:`.differential`, on lanes instead of
+It is the text of :mod:`.contact`, :mod:`.bicycles` and :mod:`.rovers`, on lanes instead of
 arrays; so forces are equal to the last bit, and which of the two drives is no matter of a run.
 Tests hold them together. Bodies lie one after the other, as pymunk has them: lanes are gathered
 from there. Those that are left over are once more the last vehicle.
@@ -18,11 +18,11 @@ import numpy as np
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, DifferentialDrive
 from koord.runtime.motion.libraries import missing
-from koord.sim.vehicles import bicycles, differential
+from koord.sim.vehicles import bicycles, rovers
 from koord.sim.vehicles.bicycles import Bicycles
 from koord.sim.vehicles.compiled import address
 from koord.sim.vehicles.contact import Colliding, Floor, ahead, axle, moved, tyres
-from koord.sim.vehicles.differential import Differentials
+from koord.sim.vehicles.rovers import Differentials
 from koord.sim.vehicles.wheels import Hull, Rolling
 
 try:
@@ -241,9 +241,9 @@ def _pushed(
         speed, kept_one = bicycles.actuated(body, dt_s, command, ahead(state), kept_one)
         turn = bicycles.bends(body, speed, kept_one)
     else:
-        wheels = differential.wheels(body, ahead(state), state[5])
-        wheels = differential.actuated(body, dt_s, command, wheels)
-        speed, turn = differential.speed_and_turn(body, wheels)
+        wheels = rovers.wheels(body, ahead(state), state[5])
+        wheels = rovers.actuated(body, dt_s, command, wheels)
+        speed, turn = rovers.speed_and_turn(body, wheels)
     return speed, kept_one, tyres(hull, dt_s, state, speed, turn)
 
 
