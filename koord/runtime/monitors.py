@@ -172,6 +172,10 @@ class _Changes:
         if count > _LOOKS or claim.looks is None:
             return None
         of_robots, of_all = self._names[claim.method]
+        if count == 1:  # as it mostly is
+            if any([self._changed[name][-1] for name in of_all]):
+                return None
+            return set[int]().union(*[self._changed[name][-1] for name in of_robots])
         for name in of_all:
             if any([*self._changed[name]][-count:]):
                 return None
@@ -392,12 +396,12 @@ class ContractMonitor:
         self.watch = watch
         self.looked: dict[str, int] = {}
         self.unknown: set[str] = set()
-        self._of_kind: list[list[WatchedClaim]] = [[] for _ in range(kinds)]
+        self._of_kind: list[list[tuple[str, WatchedClaim]]] = [[] for _ in range(kinds)]
         for claim in claims:
             if claim.sort is WatchedKind.CONTRACT:
                 (kind,) = claim.agents
                 assert kind is not None
-                self._of_kind[kind].append(claim)
+                self._of_kind[kind].append((named(claim), claim))
 
     def has_any(self, kind: int) -> bool:
         """Return whether robots of a kind have contracts."""
@@ -411,8 +415,7 @@ class ContractMonitor:
         ``held`` are the robot's variables and ports before its turn, ``after`` the ports after it.
         """
         self.watch.look_at(robot.pid, held, after)
-        for claim in self._of_kind[robot.KIND]:
-            name = named(claim)
+        for name, claim in self._of_kind[robot.KIND]:
             self.looked[name] = self.looked.get(name, 0) + 1
             try:
                 is_kept = self.watch.holds(claim.method)

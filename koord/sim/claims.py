@@ -8,15 +8,17 @@ claims have the slack of the scene (:mod:`koord.runtime.compile.slack`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 from koord.runtime.columns.engine import ColumnEngine
 from koord.runtime.compile.watching import Watched, WatchedClaim, WatchedKind
 from koord.runtime.monitors import ContractMonitor, StateMonitor, SummaryMonitor, named, watch_type
 from koord.runtime.motion.world import Point
-from koord.runtime.ports import DONE, PLACES, placed, port_name
+from koord.runtime.ports import DONE, PLACES, port_name
 from koord.runtime.robot import Host, Robot
-from koord.runtime.shapes import Shape, from_plain
+from koord.runtime.shapes import Shape
 from koord.runtime.watch import Watch
+from koord.sim.reading import placed_in
 from koord.sim.running import BrokenClaim, Simulation, WatchPoint
 
 #: What is looked at when.
@@ -97,22 +99,26 @@ class Watching:
         if not self.glances:
             return
         fleet = run.fleet
-        positions, reached = fleet.positions().tolist(), fleet.reached().tolist()
+        positions, reached = fleet.positions(), fleet.reached().tolist()
+        places = positions.tolist()
+        #: What sensors of positions say of each robot, by which shapes these are.
+        seen: dict[int, Sequence[Any]] = {}
         for robot in self._in_turn(run.engine.robots):
             if not self._contracts.has_any(robot.KIND):
                 continue
-            x, y, z = positions[robot.pid]
             held = vars(robot)
             after = {name: held[name] for name in robot.PORTS}
             for name, shape in self._measured[robot.KIND]:
                 if shape is None:
                     after[name] = reached[robot.pid]
-                else:
-                    after[name] = from_plain(shape, placed(shape, (x, y, z)), robot.numAgents)
+                    continue
+                if id(shape) not in seen:
+                    seen[id(shape)] = placed_in(shape, positions, robot.numAgents)
+                after[name] = seen[id(shape)][robot.pid]
             for claim in self._contracts.broken(robot, held, after):
-                who = (robot.pid,)
-                where = f"at {claim.span}"
-                yield BrokenClaim(named(claim), fleet.now_s, who, (x, y, z), where, "contract")
+                who, where = (robot.pid,), f"at {claim.span}"
+                place: Point = tuple(places[robot.pid])
+                yield BrokenClaim(named(claim), fleet.now_s, who, place, where, "contract")
 
     def _in_turn(self, robots: Sequence[Robot]) -> Sequence[Robot]:
         """The robots whose contracts are checked now."""

@@ -7,7 +7,7 @@ reads a clock. Equal seeds and equal orders give equal runs.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -239,6 +239,18 @@ class Fleet:
             self._follow(robot, [here, up] if way is None else [here, *map(_point, way.tolist())])
             if way is None:
                 members.group.fail(row, target)
+
+    def go_to_all(self, targets: Mapping[int, Point]) -> None:
+        """Let some robots find paths to targets, as :meth:`go_to` does one."""
+        by_squad: dict[int, dict[int, Point]] = {}
+        for robot, target in targets.items():
+            if robot in self._waiting or robot in self._flying:
+                self.go_to(robot, target)
+            else:
+                index, row = self._where[robot]
+                by_squad.setdefault(index, {})[row] = target
+        for index, of_squad in by_squad.items():
+            self._squads[index][0].group.go_to_all(of_squad)
 
     def take_off(self, robot: int, up: bool) -> None:
         """Let a robot that flies take off, and then go where it was sent; or land. (P-TAKEOFF)

@@ -17,7 +17,7 @@ from koord.runtime.motion.library import Library
 from koord.runtime.motion.world import Point
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.world_host import WorldHost
-from koord.runtime.ports import is_in_range
+from koord.runtime.ports import is_in_range, is_set
 from koord.runtime.robot import Robot
 from koord.sim.fleet import Fleet, Passing
 from koord.sim.lidar import Scanner
@@ -56,6 +56,11 @@ class Hosted(WorldHost):
 
     def take_on(self, classes: Sequence[type[Robot]]) -> None:
         super().take_on(classes)
+        #: Of each kind of robot, the port that says where it goes, if that is all it is told.
+        self._only_target = [
+            goals[0][0] if len(goals) == 1 and not any(goals[0][1:]) else None
+            for goals in self._goals
+        ]
         #: The sensors of each kind of robot that say who is in range. [ENV-RANGE]
         self._ranging = [
             [name for name in one.SENSORS if is_in_range(name, one.PORTS[name])]
@@ -94,15 +99,39 @@ class Hosted(WorldHost):
         self.sensed = self.fleet.sensed()
 
     def take_orders(self, robots: Sequence[Robot]) -> None:
-        """Pass new orders of robots to the fleet."""
+        """Pass new orders of robots to the fleet: at once of all who are only sent to places."""
+        targets: dict[int, Point] = {}
         for robot in robots:
-            self.order(robot)
+            name, pid = self._only_target[robot.KIND], robot.pid
+            if name is None or pid in self.modules:
+                self.order(robot)
+                continue
+            value, sent = robot.__dict__[name], self._sent[pid]
+            before = sent.get(name)
+            if value is None or value is before or value == before:
+                continue
+            sent[name] = value
+            if is_set(value):
+                targets[pid] = self._goal(pid, value)
+        if targets:
+            self.fleet.go_to_all(targets)
 
     @property
     def told_more(self) -> list[int]:
         """The robots that sense what their vehicles do not: plug-ins serve it, or a radio."""
         of_kinds = enumerate(self.kinds)
         return [robot for robot, kind in of_kinds if robot in self.modules or self._ranging[kind]]
+
+    def ranging(self, robot: int) -> Sequence[str]:
+        """The sensors of a robot that say who is in range."""
+        return self._ranging[self.kinds[robot]]
+
+    def heard_by(self, robot: int, name: str) -> tuple[bool, ...]:
+        """What a sensor says that says who is in range."""
+        if self.given is not None:
+            heard: tuple[bool, ...] = self.given[robot][name]
+            return heard
+        return self.reception.heard(robot)
 
     def start(self, robot: int | None, name: str) -> Any:
         if robot is not None and name in self._ranging[self.kinds[robot]]:

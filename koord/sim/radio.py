@@ -18,6 +18,9 @@ from koord.runtime.motion.arrays import Bools, Floats
 from koord.runtime.proposals import Proposal
 from koord.runtime.robot import Robot
 
+#: Of so many robots it is looked at once who hears whom; of more, robot by robot.
+_MANY = 200
+
 
 class Radio(Struct, frozen=True):
     """The radios of a fleet: their range in metres, and whether rounds are agreed on by them."""
@@ -34,20 +37,22 @@ class Reception:
         self.radio = radio
         self._rows: dict[int, tuple[Bools, tuple[bool, ...]]] = {}
         self._members: Bools | None = None
+        self._whole: Bools | None = None  #: who hears whom, a row for each robot
+        self._is_looked_at = False
         self.measure(positions)
 
     def measure(self, positions: Floats) -> None:
         """Take note of where robots are now."""
         self._positions = positions.copy()
-        self._members = None
+        self._members, self._is_looked_at = None, False
 
     def heard(self, robot: int) -> tuple[bool, ...]:
         """For each robot, whether this one hears it; the same object as long as nothing changes."""
-        row = self._row(robot)
-        known = self._rows.get(robot)
-        if known is None or not np.array_equal(known[0], row):
-            known = self._rows[robot] = row, tuple(row.tolist())
-        return known[1]
+        if len(self._positions) <= _MANY:
+            self._look()
+        else:
+            self._know(robot, self._row(robot))
+        return self._rows[robot][1]
 
     @property
     def members(self) -> Bools:
@@ -56,11 +61,33 @@ class Reception:
             self._members = self._majority()
         return self._members
 
+    def _look(self) -> None:
+        """Look at who hears whom, if nobody has since robots were measured."""
+        if self._is_looked_at:
+            return
+        self._is_looked_at, count = True, len(self._positions)
+        gaps = (self._positions[None] - self._positions[:, None]).reshape(-1, 3)
+        whole = self._near(gaps).reshape(count, count)
+        whole[np.diag_indices(count)] = False
+        if self._whole is None or not np.array_equal(whole, self._whole):
+            self._whole = whole
+            for robot in range(count):
+                self._know(robot, whole[robot])
+
+    def _know(self, robot: int, row: Bools) -> None:
+        """Note whom a robot hears; as long as nothing changes it is the same object."""
+        known = self._rows.get(robot)
+        if known is None or not np.array_equal(known[0], row):
+            self._rows[robot] = row, tuple(row.tolist())
+
     def _row(self, robot: int) -> Bools:
-        gaps = self._positions - self._positions[robot]
-        row: Bools = np.einsum("ij,ij->i", gaps, gaps) <= self.radio.range_m**2
+        row = self._near(self._positions - self._positions[robot])
         row[robot] = False
         return row
+
+    def _near(self, gaps: Floats) -> Bools:
+        found: Bools = np.einsum("ij,ij->i", gaps, gaps) <= self.radio.range_m**2
+        return found
 
     def _majority(self) -> Bools:
         count = len(self._positions)

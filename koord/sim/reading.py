@@ -16,9 +16,9 @@ from msgspec import Struct
 
 from koord.runtime.engine import Measured, Measurement
 from koord.runtime.motion.arrays import Bools, Floats, Ints
-from koord.runtime.ports import DONE, PLACES, YAW, port_name
+from koord.runtime.ports import DONE, PLACES, YAW, placed, port_name
 from koord.runtime.robot import Robot
-from koord.runtime.shapes import BOOL, FLOAT, Record, Shape
+from koord.runtime.shapes import BOOL, FLOAT, Record, Shape, from_plain
 from koord.sim.hosting import Hosted
 from koord.sim.sensing import FleetSensors
 
@@ -60,8 +60,8 @@ class Reader:
     """A reader of the sensors of all robots of a run, at the end of each round.
 
     The robots whose readings are more than where they are, and whether they have arrived, are
-    asked one by one: those that scan, and those with radios, or modules that plug-ins serve. In
-    the first round all are that have other sensors: what never changes is not looked at again.
+    asked one by one: those that scan, and those with modules that plug-ins serve. In the first
+    round all are that have other sensors: what never changes is not looked at again.
 
     ``read`` is asked instead of the host, if it is given, and ``only`` are the robots whose sensors
     are read.
@@ -79,8 +79,9 @@ class Reader:
         present[[] if only is None else list(only)] = True
         kinds = np.array(host.kinds)
         more = set(host.told_more)
+        by_radio = read is None  # else somebody else says what is served
         alone = [
-            robot in more
+            (robot in more and not (by_radio and robot not in host.modules))
             or (robot in host.scanners and _senses(host.classes[kind], "pscan"))
             or _senses(host.classes[kind], YAW)
             for robot, kind in enumerate(host.kinds)
@@ -95,8 +96,15 @@ class Reader:
                 alone = [one or kind == of for one, of in zip(alone, host.kinds, strict=True)]
             else:
                 self._columns += found
-                if len(found) == len(program.SENSORS) and found:
+                ranging = host.ranging(int(of_kind[0])) if by_radio and len(of_kind) else ()
+                if len(found) + len(ranging) == len(program.SENSORS) and found:
                     self._whole.append(found)
+        #: Sensors that say who is in range, and what each has said last.
+        self._heard: dict[tuple[int, str], tuple[bool, ...] | None] = {
+            (robot, name): None
+            for robot in np.flatnonzero(present & ~np.array(alone)).tolist()
+            for name in host.ranging(robot)
+        }
         self._alone = np.flatnonzero(np.array(alone) & present).tolist()
         self._last: FleetSensors | None = None
 
@@ -112,7 +120,7 @@ class Reader:
         readings = [self._read(robot) for robot in asked]
         for robot, of_robot in zip(asked, readings, strict=True):
             robot.evolve(of_robot)
-        told = tuple(pids)
+        told = (*pids, *self._hear_radios(robots))
         if is_first:
             for column in self._columns:
                 _take(column, robots)
@@ -124,9 +132,25 @@ class Reader:
                 measured += _hear(column, robots, column.rows(sensed.reached))
         return Measurement(tuple(measured), told, partial(self._write_places, robots))
 
+    def _hear_radios(self, robots: Sequence[Robot]) -> list[int]:
+        """Tell robots who is in range, where that has changed; return to whom."""
+        told = []
+        for (pid, name), last in self._heard.items():
+            heard = self._host.heard_by(pid, name)
+            if heard is not last:
+                self._heard[pid, name] = heard
+                robot, held = robots[pid], vars(robots[pid])
+                value = from_plain(robot.PORTS[name], heard, robot.numAgents)
+                if value != held[name]:
+                    held[name] = value
+                    told.append(pid)
+        return told
+
     def whole(self) -> WholeSensors | None:
         """The sensors, if all of them are columns of all robots, which are of one kind."""
-        if self._last is None or self._alone or not all(c.is_all for c in self._columns):
+        if self._last is None or self._alone or self._heard:
+            return None
+        if not all(c.is_all for c in self._columns):
             return None
         places = tuple((c.name, c.width, c.told, c.is_late) for c in self._columns if c.width)
         reached = tuple((c.name, c.told) for c in self._columns if not c.width)
@@ -245,3 +269,15 @@ def _place(shape: Shape) -> tuple[int, _Convert] | None:
         return None
     make, width = shape.make, len(types)
     return width, lambda rows: map(tuple.__new__, repeat(make), rows[:, :width].tolist())
+
+
+def placed_in(shape: Shape, positions: Floats, robots: int) -> Sequence[Any]:
+    """What sensors of a shape say of each of some positions, ``(k, 3)``; there are so many robots.
+
+    Raises ShapeError for shapes that no place has.
+    """
+    known = _place(shape)
+    if known is not None:
+        return [*known[1](positions)]
+    points = map(tuple, positions.tolist())
+    return [from_plain(shape, placed(shape, point), robots) for point in points]

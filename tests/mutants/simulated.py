@@ -20,6 +20,7 @@ PLANNERS = "tests/sim/test_planning_workers.py"
 CONTACT = "tests/sim/test_compiled_contact.py"
 ROOM = "tests/sim/test_room.py"
 FLEET = "tests/sim/test_fleet.py"
+AT_ONCE = "tests/sim/test_all_at_once.py"
 PHYSICS = "tests/sim/test_physics.py"
 STRIDES = "tests/sim/test_strides.py"
 TRACKED = "tests/sim/test_compiled_tracking.py"
@@ -71,8 +72,8 @@ SIMULATED = (
     ),
     Mutant(
         "robots hear themselves",
-        "sim.radio.Reception._row",
-        "row[robot] = False",
+        "sim.radio.Reception._look",
+        "whole[np.diag_indices(count)] = False",
         "pass",
         (RADIO,),
     ),
@@ -92,7 +93,7 @@ SIMULATED = (
     ),
     Mutant(
         "who was in range once is in range for ever",
-        "sim.radio.Reception.heard",
+        "sim.radio.Reception._know",
         "known is None or not np.array_equal(known[0], row)",
         "known is None",
         (RADIO,),
@@ -306,6 +307,27 @@ SIMULATED = (
         "self.vehicles.position.copy()",
         "self.vehicles.position",
         (FLEET,),
+    ),
+    Mutant(
+        "who is sent with others sets out from the ground before it is told to take off",
+        "sim.fleet.Fleet.go_to_all",
+        "robot in self._waiting or robot in self._flying",
+        "robot in self._flying",
+        (AT_ONCE,),
+    ),
+    Mutant(
+        "robots that have stopped are sent with others",
+        "runtime.motion.group.Group.go_to_all",
+        "self._asked or self.plights or (self.automata.state == MotionState.STOPPED).any()",
+        "self._asked or self.plights",
+        (AT_ONCE,),
+    ),
+    Mutant(
+        "plans that are asked for go on when robots are sent with others elsewhere",
+        "runtime.motion.group.Group.go_to_all",
+        "self._asked or self.plights or (self.automata.state == MotionState.STOPPED).any()",
+        "self.plights or (self.automata.state == MotionState.STOPPED).any()",
+        (AT_ONCE,),
     ),
     Mutant(
         "planning takes no time, whatever a configuration says",

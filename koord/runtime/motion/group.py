@@ -7,7 +7,7 @@ steps the automata. What the robots' actuators are to do then is the business of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from operator import index
 
 import numpy as np
@@ -27,6 +27,7 @@ from koord.runtime.motion.planning import (
     Plight,
     Pose,
     Room,
+    all_suit,
     hindrance,
     suits,
 )
@@ -146,6 +147,17 @@ class Group:
         self._orders.asked[robot], self._orders.routed[robot] = True, False
         self._orders.failed[robot] = False
 
+    def go_to_all(self, targets: Mapping[int, Point]) -> None:
+        """Set targets of some robots, as :meth:`go_to` does of one."""
+        rows = np.fromiter(targets, np.int64, len(targets))
+        if self._asked or self.plights or (self.automata.state == MotionState.STOPPED).any():
+            for robot, target in targets.items():
+                self.go_to(robot, target)
+            return
+        self.targets.update(targets)
+        self._orders.asked[rows], self._orders.routed[rows] = True, False
+        self._orders.failed[rows] = False
+
     def hold(self, robot: int) -> None:
         """Stay in place until released."""
         self._orders.held[robot], self._orders.released[robot] = True, False
@@ -211,10 +223,8 @@ class Group:
 
     def _plan_straight(self, robots: Ints, psn: Floats) -> Ints:
         """Plan straight paths where they are free; return the robots that need a planner."""
-        goals = np.array([self.targets[robot] for robot in robots.tolist()])
-        fits = np.array(
-            [suits(self.body, self.world, self.targets[robot]) for robot in robots.tolist()]
-        )
+        goals = np.array([self.targets[robot] for robot in robots.tolist()], np.float64)
+        fits = all_suit(self.body, self.world, goals)
         free = fits & self._field.segments_free(psn[robots], goals, self._reach_m)
         gone = robots[free]
         velocity = self._velocity(gone)

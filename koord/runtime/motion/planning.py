@@ -17,7 +17,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.arrays import Bools, Floats
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.field import Field, field
 from koord.runtime.motion.world import Disc, Point, World
@@ -119,6 +119,18 @@ def hindrance(body: Body, world: World, goal: Point) -> Hindrance | None:
 def suits(body: Body, world: World, goal: Point) -> bool:
     """Return whether robots of that kind may go to a point: inside, on the plane or above it."""
     return hindrance(body, world, goal) is None
+
+
+def all_suit(body: Body, world: World, goals: Floats) -> Bools:
+    """A mask of the points, shape ``(n, 3)``, that suit, as :func:`suits` says of each."""
+    inside = (goals >= np.array(world.low)) & (goals <= np.array(world.high))
+    z = goals[:, 2]
+    if body.ON_GROUND:
+        right = ~(z > world.ground + _ON_PLANE_M)
+    else:
+        right = ~(z < world.ground + body.above_ground_m)
+    found: Bools = inside[:, 0] & inside[:, 1] & inside[:, 2] & right
+    return found
 
 
 class Room(Struct, frozen=True):
