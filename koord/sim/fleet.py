@@ -399,6 +399,12 @@ class Fleet:
         members, row = self._at(robot)
         return members.group.path(row)
 
+    def paths(self, robots: Ints) -> list[Floats]:
+        """The paths that some robots follow, each of shape ``(k, 3)``."""
+        if len(self._squads) > 1 or self._only is not None:
+            return [self.path(robot) for robot in robots.tolist()]
+        return self._squads[0][0].group.paths(robots)
+
     def touched(self, robot: int) -> tuple[tuple[Hindrance, int], ...]:
         """The contacts of a robot's vehicle: with robots, obstacles, or the edge of the world."""
         members, row = self._at(robot)

@@ -59,8 +59,8 @@ class _Poses:
     def paths_given(self) -> Ints:
         return self._given.copy()
 
-    def path(self, robot: int) -> Floats:
-        return self._paths[robot]
+    def paths(self, robots: Ints) -> list[Floats]:
+        return [self._paths[robot] for robot in robots.tolist()]
 
 
 class _Rounds(Struct):

@@ -7,8 +7,9 @@ What has changed is found by identity: values of compiled programs never change 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache, partial
+from operator import itemgetter
 from typing import Any, Protocol
 
 import numpy as np
@@ -123,7 +124,7 @@ class FleetView(Protocol):
     def headings(self) -> Floats: ...
     def tilts(self, robots: Ints) -> Floats: ...
     def paths_given(self) -> Ints: ...
-    def path(self, robot: int) -> Floats: ...
+    def paths(self, robots: Ints) -> Iterable[Floats]: ...
 
 
 class Observer:
@@ -146,9 +147,16 @@ class Observer:
         """Look at a program, whose variables the header has; all of them are new."""
         self.engine = engine
         self._shared = [(v, _plain_element(v.shape)) for v in header.shared]
-        own = [[(v.name, _plain_of(v.shape)) for v in agent.variables] for agent in header.agents]
+        own = [
+            (
+                _reading([v.name for v in agent.variables]),
+                [_plain_of(v.shape) for v in agent.variables],
+            )
+            for agent in header.agents
+        ]
+        #: Of each robot: what reads its variables, and what makes each of them plain.
         self._own = [own[robot.agent] for robot in header.robots]
-        self._were: list[list[Any]] = [[None] * len(of_robot) for of_robot in self._own]
+        self._were: list[Sequence[Any]] = [[None] * len(plain) for _, plain in self._own]
         self._were_shared: list[Any] = [None] * len(header.shared)
 
     def reload(self, engine: EngineView, header: Header, numbering: Numbering) -> None:
@@ -188,8 +196,9 @@ class Observer:
     def _paths(self, fleet: FleetView, now_s: float) -> None:
         """Record the paths that were given since somebody looked."""
         given = fleet.paths_given()
-        for robot in np.flatnonzero(given != self._given).tolist():
-            self.recorder.path(now_s, robot, fleet.path(robot))
+        robots = np.flatnonzero(given != self._given)
+        for robot, points in zip(robots.tolist(), fleet.paths(robots), strict=True):
+            self.recorder.path(now_s, robot, points)
         self._given = given
 
     def pass_ticks(
@@ -276,14 +285,12 @@ class Observer:
         else:
             robots = engine.robots
         for pid in range(len(robots)) if touched is None else touched:
-            robot, own, were = robots[pid], self._own[pid], self._were[pid]
-            values = vars(robot)
-            for number, (name, plain) in enumerate(own):
-                value = values[name]
-                if value is not were[number]:
-                    if value != were[number]:
-                        changes.append(LoggedChange(robot.pid, number, WHOLE, plain(value)))
-                    were[number] = value
+            read, plain = self._own[pid]
+            now = read(robots[pid].__dict__)
+            for number, (value, before) in enumerate(zip(now, self._were[pid], strict=True)):
+                if value is not before and value != before:
+                    changes.append(LoggedChange(pid, number, WHOLE, plain[number](value)))
+            self._were[pid] = now
         return changes
 
     def _shared_changes(self) -> list[LoggedChange]:
@@ -302,6 +309,13 @@ class Observer:
                 whole = to_plain(variable.shape, value)
                 changes.append(LoggedChange(SHARED, number, WHOLE, whole))
         return changes
+
+
+def _reading(names: Sequence[str]) -> Callable[[Mapping[str, Any]], Sequence[Any]]:
+    """What reads the values of some names."""
+    if len(names) > 1:
+        return itemgetter(*names)
+    return lambda values: [values[name] for name in names]
 
 
 def deeds_in(decision: Decision, engine: RoundEngine) -> Deeds:

@@ -32,6 +32,7 @@ from koord.sim.squad_kernel import FusedDrones, tilts_by
 from koord.sim.squads import STEPS
 from koord.sim.standing_kernel import CompiledWatchman
 from koord.sim.stride_kernel import TABLE, address_of, striding_code
+from koord.sim.vehicles.compiled import address
 from koord.sim.vehicles.compiled_automata import Table
 
 if TYPE_CHECKING:
@@ -194,7 +195,7 @@ class Strides:
         for name, value in entries:
             if isinstance(value, np.ndarray):
                 self._held[name] = value
-                value = value.ctypes.data
+                value = address(value) if value.size else 0
             self._table[_PLACES[name]] = value
 
     def _point(self, now_s: float) -> None:

@@ -314,7 +314,7 @@ COLUMNS = (
     Mutant(
         "robots with other sensors are not asked for these",
         "sim.reading.Reader.__init__",
-        "len(found) == len(program.SENSORS) and found",
+        "len(found) + len(ranging) == len(program.SENSORS) and found",
         "found",
         (SENSORS,),
     ),

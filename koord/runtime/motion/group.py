@@ -214,6 +214,13 @@ class Group:
         """The path that a robot follows, shape ``(k, 3)``; a copy."""
         return self.routes.points[robot, : self.routes.size[robot] + 1].copy()
 
+    def paths(self, robots: Ints) -> list[Floats]:
+        """The paths that some robots follow, as :meth:`path` has each."""
+        sizes = self.routes.size[robots]
+        if not len(robots) or (sizes != sizes[0]).any():
+            return [self.path(robot) for robot in robots.tolist()]
+        return [*self.routes.points[robots, : sizes[0] + 1]]
+
     # --- inside ---------------------------------------------------------------------------------
 
     def _velocity(self, robots: Ints) -> Floats:

@@ -13,7 +13,7 @@ from koord.syntax import core
 #: Compiling takes as long as so many turns by compiled robots, with what is looked at of them, and
 #: a run may be over before. And importing llvmlite, where nobody has done so; or loading what was
 #: kept.
-_WORTH_TURNS, _WORTH_TURNS_AND_IMPORT, _WORTH_KEPT_TURNS = 2_500, 10_000, 300
+_WORTH_TURNS, _WORTH_TURNS_AND_IMPORT, _WORTH_KEPT_TURNS = 2_500, 10_000, 100
 
 
 class LazyTurns:
