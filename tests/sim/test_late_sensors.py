@@ -63,6 +63,9 @@ def test_late_or_at_once_robots_have_the_same_to_the_bit(
         def read(self, robot: Any) -> dict[str, Any]:
             return start
 
+        def ranging(self, robot: int) -> tuple[str, ...]:
+            return ()
+
     host = Host(kinds=kinds, classes=classes, modules={}, scanners={}, told_more=[])
     readers = [Reader(cast("Any", host)) for _ in range(2)]
     fleets = [
