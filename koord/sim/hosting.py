@@ -106,12 +106,8 @@ class Hosted(WorldHost):
             if name is None or pid in self.modules:
                 self.order(robot)
                 continue
-            value, sent = robot.__dict__[name], self._sent[pid]
-            before = sent.get(name)
-            if value is None or value is before or value == before:
-                continue
-            sent[name] = value
-            if is_set(value):
+            value = vars(robot)[name]
+            if self._is_new(pid, name, value) and is_set(value):
                 targets[pid] = self._goal(pid, value)
         if targets:
             self.fleet.go_to_all(targets)

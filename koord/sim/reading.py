@@ -78,10 +78,10 @@ class Reader:
         present = np.full(len(host.kinds), only is None)
         present[[] if only is None else list(only)] = True
         kinds = np.array(host.kinds)
-        more = set(host.told_more)
-        by_radio = read is None  # else somebody else says what is served
+        # Who hears radios is asked here, and else by who says what is served.
+        asked = host.modules.keys() if read is None else set(host.told_more)
         alone = [
-            (robot in more and not (by_radio and robot not in host.modules))
+            robot in asked
             or (robot in host.scanners and _senses(host.classes[kind], "pscan"))
             or _senses(host.classes[kind], YAW)
             for robot, kind in enumerate(host.kinds)
@@ -96,7 +96,7 @@ class Reader:
                 alone = [one or kind == of for one, of in zip(alone, host.kinds, strict=True)]
             else:
                 self._columns += found
-                ranging = host.ranging(int(of_kind[0])) if by_radio and len(of_kind) else ()
+                ranging = host.ranging(int(of_kind[0])) if len(of_kind) else ()
                 if len(found) + len(ranging) == len(program.SENSORS) and found:
                     self._whole.append(found)
         #: Sensors that say who is in range, and what each has said last.

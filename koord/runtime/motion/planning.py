@@ -8,6 +8,7 @@ ground.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from enum import Enum
 from functools import lru_cache
@@ -110,10 +111,17 @@ def hindrance(body: Body, world: World, goal: Point) -> Hindrance | None:
     (x, y, z), (west, south, bottom), (east, north, top) = goal, world.low, world.high
     if not (west <= x <= east and south <= y <= north and bottom <= z <= top):
         return Hindrance.OUTSIDE
+    lowest, highest = _heights(body, world)
+    if z > highest:
+        return Hindrance.ABOVE_GROUND
+    return Hindrance.ON_GROUND if z < lowest else None
+
+
+def _heights(body: Body, world: World) -> tuple[float, float]:
+    """From where to where robots of that kind may be, whatever bounds the world has."""
     if body.ON_GROUND:
-        return Hindrance.ABOVE_GROUND if z > world.ground + _ON_PLANE_M else None
-    low = z < world.ground + body.above_ground_m
-    return Hindrance.ON_GROUND if low else None
+        return -math.inf, world.ground + _ON_PLANE_M
+    return world.ground + body.above_ground_m, math.inf
 
 
 def suits(body: Body, world: World, goal: Point) -> bool:
@@ -123,13 +131,11 @@ def suits(body: Body, world: World, goal: Point) -> bool:
 
 def all_suit(body: Body, world: World, goals: Floats) -> Bools:
     """A mask of the points, shape ``(n, 3)``, that suit, as :func:`suits` says of each."""
-    inside = (goals >= np.array(world.low)) & (goals <= np.array(world.high))
-    z = goals[:, 2]
-    if body.ON_GROUND:
-        right = ~(z > world.ground + _ON_PLANE_M)
-    else:
-        right = ~(z < world.ground + body.above_ground_m)
-    found: Bools = inside[:, 0] & inside[:, 1] & inside[:, 2] & right
+    lowest, highest = _heights(body, world)
+    (west, south, bottom), (east, north, top) = world.low, world.high
+    low = np.array([west, south, max(bottom, lowest)])
+    high = np.array([east, north, min(top, highest)])
+    found: Bools = np.logical_and.reduce((low <= goals) & (goals <= high), axis=1)
     return found
 
 

@@ -154,12 +154,10 @@ class WorldHost(ABC):
     def order(self, robot: Robot) -> None:
         """Carry out what a robot's actuators say that they did not say before."""
         held, pid = vars(robot), robot.pid
-        sent = self._sent[pid]
         for name, is_way, is_takeoff in self._goals[robot.KIND]:
-            value, before = held[name], sent.get(name)
-            if value is None or value is before or value == before:
+            value, before = held[name], self._sent[pid].get(name)
+            if not self._is_new(pid, name, value):
                 continue
-            sent[name] = value
             if is_takeoff:
                 if value or before:  # nobody has to land who was never told to take off
                     self.take_off(pid, bool(value))
@@ -171,6 +169,15 @@ class WorldHost(ABC):
         if modules is not None:
             modules.act(robot, self.whereabouts(robot.pid)[1])
             self.modules_fail(robot.pid, modules.troubles)
+
+    def _is_new(self, robot: int, name: str, value: Any) -> bool:
+        """Note what an actuator says; return whether it did not say so before."""
+        sent = self._sent[robot]
+        before = sent.get(name)
+        if value is None or value is before or value == before:
+            return False
+        sent[name] = value
+        return True
 
     def _goal(self, robot: int, place: Any) -> Point:
         """The point that a robot is sent to by a place."""

@@ -33,8 +33,7 @@ def follow(turn: StepContext, sender: int, epoch: int) -> bool:
         return False
     if setup.coordinator(epoch) != sender or sender == state.pid:
         return False
-    if epoch > state.promised or epoch > state.seen:
-        turn.promise(epoch)
+    turn.promise(epoch)
     office = state.office
     if not isinstance(office, Follower) or office.leader != sender:
         turn.take(Follower(sender))

@@ -14,7 +14,7 @@ from functools import partial
 from msgspec import Struct
 
 from koord.runtime.transports.transport import TransportError, Visit
-from koord.runtime.wire.frames import FIRST_ORDER_KIND, KIND_AT, LONGEST, is_order
+from koord.runtime.wire.frames import LONGEST, is_order
 
 Address = tuple[str, int]
 
@@ -34,9 +34,6 @@ _WAITING_PER_ROBOT, LEAST_WAITING = 4, 512
 
 #: So many orders of people wait; of more the oldest are lost, as on a network.
 MOST_VISITS = 256
-
-
-_ONCE = range(1)
 
 
 class Delivery(Enum):
@@ -123,7 +120,7 @@ class Mailbox:
         if pace is None:
             pace = self._paces[one] = Pace()
         room = self._most - len(self._waiting)
-        for _ in range(room) if pace.takes_all() else _ONCE[:room]:
+        for _ in range(room if pace.takes_all() else min(room, 1)):
             try:
                 datagram, source = one.recvfrom(LONGEST + 1)
             except BlockingIOError:
@@ -135,8 +132,7 @@ class Mailbox:
 
     def take(self, datagram: bytes, source: Address) -> None:
         """Take a datagram that has come, if it is not this robot's own."""
-        # What is said in each round is told by its kind alone.
-        if len(datagram) > KIND_AT and datagram[KIND_AT] >= FIRST_ORDER_KIND and is_order(datagram):
+        if is_order(datagram):
             self._visits.append(Visit(datagram, partial(self._answer, source)))
         elif source != self._own:
             if len(self._waiting) < self._most:

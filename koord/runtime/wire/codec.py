@@ -212,10 +212,6 @@ class DatagramWriter:
     def datagrams(self, incarnation: int, round_: int, message: AnyMessage) -> list[bytes]:
         """Encode a message as datagrams; ``round_`` is where the sender is."""
         kind, body = kind_and_body(message)
-        if len(body) <= ROOM:  # most are
-            frame = Frame(kind, self._pid, incarnation, self._number, round_, 0, 1, body)
-            self._number += 1
-            return [self._seal.put_on(frame)]
         pieces = cut(body)
         datagrams = []
         for piece, part in enumerate(pieces):
