@@ -160,7 +160,7 @@ def test_forces_of_rotors_point_along_the_axis_of_each_drone() -> None:
         data.qpos[7 * k + 3 : 7 * k + 7] = w, x, y, z
     both._drag = np.zeros((3, 2))
     lift = both._lift.copy()
-    both.push(data)
+    both.push()
     mujoco.mj_kinematics(model, data)
     for k, name in enumerate(both.names):
         axis = data.body(name).xmat.reshape(3, 3)[:, 2]

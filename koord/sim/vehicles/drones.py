@@ -149,11 +149,12 @@ class PhysicalDrones(Quadrotors):
             yield drone_described(name, self.drone, (x, y, z + HEIGHT_M / 2))
 
     def settle(self, model: Any, data: Any) -> None:
-        self._qpos, self._qvel = mjcf.coordinates(model, self.names)
-        # Their bodies follow each other in the model, so this is a part of MuJoCo's own arrays.
-        n, first, at = len(self.names), self._qvel[0], self._qpos[0]
+        qpos, qvel = mjcf.coordinates(model, self.names)
+        # Their bodies follow each other in the model, so these are parts of MuJoCo's own arrays.
+        n, at, first = len(self.names), qpos[0], qvel[0]
+        self._pose = data.qpos[at : at + 7 * n].reshape(n, 7).T
+        self._motion = data.qvel[first : first + 6 * n].reshape(n, 6).T
         self._forces = data.qfrc_applied[first : first + 6 * n].reshape(n, 6).T
-        self._attitude = data.qpos[at : at + 7 * n].reshape(n, 7)[:, 3:].T
         self._share = 1.0 - math.exp(-model.opt.timestep / self.drone.rotor_lag_s)
         self._lift: Floats = np.zeros((4, n))
         self._lift[0] = self.drone.mass_kg * GRAVITY
@@ -171,9 +172,9 @@ class PhysicalDrones(Quadrotors):
         self._asked = self._unmixer @ able
         self._drag = self.drone.drag_kgps * (wind.T - self.state.velocity)
 
-    def push(self, data: Any) -> None:
+    def push(self) -> None:
         """Pull along the axis of each drone, as it points now; torques are in its own frame."""
-        w, x, y, z = self._attitude
+        w, x, y, z = self._pose[3:]
         lift, forces = self._lift, self._forces
         pull = 2.0 * lift[0]
         forces[0] = pull * (x * z + w * y)
@@ -184,9 +185,7 @@ class PhysicalDrones(Quadrotors):
         lift += (self._asked - lift) * self._share
 
     def look(self, data: Any) -> None:
-        q = data.qpos[self._qpos[:, None] + np.arange(7)].T
-        v = data.qvel[self._qvel[:, None] + np.arange(6)].T
-        s = self.state
+        q, v, s = self._pose, self._motion, self.state
         s.position = q[:3].copy()
         s.position[2] -= HEIGHT_M / 2
         s.attitude, s.velocity, s.rates = q[3:].copy(), v[:3].copy(), v[3:].copy()

@@ -64,7 +64,7 @@ class Physical(Protocol):
         """Set the motors and rotors for the next step of control."""
         ...
 
-    def push(self, data: Any) -> None:
+    def push(self) -> None:
         """Set forces that turn with a vehicle for MuJoCo's next step of its own."""
         ...
 
@@ -100,13 +100,15 @@ class Arena:
         model, data = self._running()
         within = round(dt_s / SUBSTEP_S)
         flying = [one for one in self._parts if one.flies]
+        # Python has its turn before each of MuJoCo's steps only if there is something to push.
+        turns, at_once = (within, 1) if flying else (1, within)
         for _ in range(steps):
             for one in self._parts:
                 one.act(data, dt_s)
-            for _ in range(within if flying else 1):
+            for _ in range(turns):
                 for one in flying:
-                    one.push(data)
-                mujoco.mj_step(model, data, 1 if flying else within)
+                    one.push()
+                mujoco.mj_step(model, data, at_once)
             for one in flying:
                 one.look(data)
         for one in self._parts:
@@ -187,7 +189,7 @@ class PhysicalWheels:
         self._told.actuate(self._command, dt_s)
         data.ctrl[self._motors] = self._told.controls()
 
-    def push(self, data: Any) -> None:
+    def push(self) -> None:
         pass
 
     def look(self, data: Any) -> None:
